@@ -1,0 +1,43 @@
+//! A scene as one flat, relocatable image in cluster memory: sections of fixed-size records.
+//!
+//! The records are in [`records`], where each lies in [`layout`], making them from a scene in
+//! [`compile`]. The octree's sections come from `tracer::octree::build`.
+
+pub mod compile;
+pub mod ear_clipping;
+pub mod layout;
+pub mod normalisation;
+pub mod records;
+pub mod verify;
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+pub use layout::{Layout, Section};
+pub use normalisation::Normalisation;
+
+/// What every process must know of a database besides its bytes. Small: it travels with the job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    pub layout: Layout,
+    pub normalisation: Normalisation,
+    /// Deepest level that a branch of the octree may stand on; the root is level 0.
+    pub max_depth: u32,
+    /// Polygons, spheres and cones as in the file.
+    pub scene_primitives: u64,
+}
+
+/// A whole database: the header and the image, 32-bit little-endian words.
+#[derive(Clone, Debug)]
+pub struct Database {
+    pub header: Header,
+    pub words: Arc<Vec<u32>>,
+}
+
+impl Database {
+    /// The image as cluster memory holds it.
+    pub fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.words)
+    }
+}

@@ -1,0 +1,45 @@
+//! Newtypes for what is counted or named, so that a tile is never taken for a node.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+macro_rules! id {
+    ($(#[$doc:meta])* $name:ident($inner:ty), $label:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+        #[serde(transparent)]
+        pub struct $name(pub $inner);
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, concat!($label, "{}"), self.0)
+            }
+        }
+    };
+}
+
+id!(
+    /// A processing node of a cluster, from 0. A replacement keeps the id of the node it replaces.
+    NodeId(u16), "node "
+);
+id!(
+    /// A cluster, from 0.
+    ClusterId(u16), "cluster "
+);
+id!(
+    /// A tile of the image, row-major from the upper left.
+    TileId(u32), "tile "
+);
+id!(
+    /// How many times a tile was handed out before, counted from 0.
+    Attempt(u32), "attempt "
+);
+id!(
+    /// How many processes held this place before, counted from 0: the first process of a node has epoch 0.
+    Epoch(u32), "epoch "
+);
+id!(
+    /// Bytes from the start of cluster memory.
+    Address(u64), "address "
+);

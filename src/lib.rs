@@ -1,0 +1,21 @@
+//! marti: a multiprocessor architecture for ray tracing images, for real.
+//!
+//! After M-P. Hébert, M. D. J. McNeill, B. Shah, R. L. Grimsdale, P. F. Lister, *MARTI, a
+//! Multiprocessor Architecture for Ray Tracing Images*, 1991. ARCHITECTURE.md has the code map.
+
+#[cfg(target_endian = "big")]
+compile_error!("the database image, the wire format and the hashes of marti are little-endian");
+
+pub mod cli;
+pub mod codec;
+pub mod database;
+pub mod ids;
+pub mod machine;
+pub mod processes;
+pub mod protocol;
+pub mod recording;
+pub mod report;
+pub mod scene;
+pub mod telemetry;
+pub mod topology;
+pub mod tracer;

@@ -1,0 +1,3 @@
+//! What the paper proposes as hardware. Pure: no sockets, no clock, no entropy.
+
+pub mod stats;

@@ -1,0 +1,223 @@
+//! Every process with the manager: configuration, signs of life, the end. No bulk data, so that no
+//! heartbeat waits behind an upload.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::hello::{Role, RunToken};
+use super::work::TileDone;
+use crate::database::{Header, Layout};
+use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
+use crate::tracer::{AovSet, Tiling, View};
+
+/// Handed to a spawned process by its standard input: where to go, and the secret.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Bootstrap {
+    pub role: Role,
+    pub epoch: Epoch,
+    pub token: RunToken,
+    pub manager: SocketAddr,
+    /// The text log of this process.
+    pub log: PathBuf,
+    pub heartbeat_milliseconds: u64,
+}
+
+/// Manager to bus.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum BusCommand {
+    Configure(BusConfiguration),
+    /// All tiles are accounted for: close the recording and report. The lost attempts are told so that
+    /// their fetches can be counted apart.
+    Finish {
+        lost: Vec<LostAttempt>,
+    },
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct BusConfiguration {
+    pub cluster: ClusterId,
+    pub arbiter: Arbiter,
+    pub layout: Layout,
+    /// The folder of the recording; it exists.
+    pub recording: PathBuf,
+}
+
+/// Bus to manager.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum BusReport {
+    Listening(SocketAddr),
+    Heartbeat,
+    Incident(String),
+    Finished(BusTotals),
+}
+
+/// What crossed the bus.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct BusTotals {
+    pub transactions: u64,
+    pub fetches: u64,
+    pub fetched_bytes: u64,
+    pub bulk_bytes: u64,
+    /// Modelled jobs and pixels.
+    pub message_bytes: u64,
+    /// Bytes that really went over the sockets, both directions.
+    pub wire_bytes: u64,
+    pub log_rows: u64,
+    pub fetches_of_lost_attempts: u64,
+    pub fetched_bytes_of_lost_attempts: u64,
+    /// How often a transaction waited for the log's writer.
+    pub log_waits: u64,
+}
+
+/// An attempt whose completion never arrived.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+pub struct LostAttempt {
+    pub node: NodeId,
+    pub tile: TileId,
+    pub attempt: Attempt,
+}
+
+/// Manager to master.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum MasterCommand {
+    Configure(MasterConfiguration),
+    /// Tiles for the cluster's queue, in the order they are to be handed out.
+    Tiles(Vec<TileGrant>),
+    /// The process is confirmed dead: its tiles are to be handed out again.
+    NodeLost {
+        node: NodeId,
+        epoch: Epoch,
+    },
+    /// The node will not be replaced: under interleaved assignment its tiles go to the others.
+    NodeSetAside {
+        node: NodeId,
+    },
+    Finish,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct TileGrant {
+    pub tile: TileId,
+    pub attempt: Attempt,
+    /// Under interleaved assignment, the only node that may trace it.
+    pub node: Option<NodeId>,
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct MasterConfiguration {
+    pub bus: SocketAddr,
+    pub nodes: u16,
+    pub assignment: Assignment,
+    /// A tile not acknowledged for so long is reported as late.
+    pub tile_deadline_milliseconds: u64,
+}
+
+/// Master to manager.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum MasterReport {
+    Listening(SocketAddr),
+    Heartbeat,
+    Incident(String),
+    /// The cluster's queue can take so many more tiles.
+    TilesWanted(u32),
+    /// First tile handed to this process; it is at work.
+    NodeReady {
+        node: NodeId,
+        epoch: Epoch,
+    },
+    Done {
+        node: NodeId,
+        epoch: Epoch,
+        done: Box<TileDone>,
+    },
+    /// These attempts died with their node; the tiles need a new attempt.
+    Lost(Vec<LostAttempt>),
+    /// The tile deadline passed: the node is to be killed.
+    Late {
+        node: NodeId,
+        epoch: Epoch,
+        tile: TileId,
+    },
+    Finished(MasterTotals),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct MasterTotals {
+    pub attempts_issued: u64,
+    pub attempts_accepted: u64,
+    /// Completions of attempts that were no longer awaited.
+    pub attempts_stale: u64,
+    pub attempts_lost: u64,
+}
+
+/// Manager to node.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum NodeCommand {
+    Configure(Box<NodeConfiguration>),
+    Finish,
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct NodeConfiguration {
+    pub master: SocketAddr,
+    pub bus: SocketAddr,
+    pub display: SocketAddr,
+    pub header: Header,
+    pub view: View,
+    pub tiling: Tiling,
+    pub aov: AovSet,
+    pub octree: Octree,
+    pub local_memory: LocalMemory,
+    pub seed: u64,
+}
+
+/// Node to manager.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum NodeReport {
+    Heartbeat,
+    Incident(String),
+    /// What went wrong, just before the process ends by itself.
+    Failed(String),
+    Finished,
+}
+
+/// Manager to display.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum DisplayCommand {
+    Configure(DisplayConfiguration),
+    /// Write what there is, whole or partial, and report.
+    Finish,
+}
+
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct DisplayConfiguration {
+    pub tiling: Tiling,
+    pub aov: AovSet,
+    /// The image file, ending in `.png`; the others stand beside it under the same stem.
+    pub image: PathBuf,
+    pub exr: bool,
+}
+
+/// Display to manager.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub enum DisplayReport {
+    Listening(SocketAddr),
+    Heartbeat,
+    Incident(String),
+    Finished(DisplayTotals),
+    Failed(String),
+}
+
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct DisplayTotals {
+    /// Of the linear f32 RGB, row-major, little-endian; hexadecimal.
+    pub sha256: String,
+    pub tiles_done: u32,
+    /// Results for tiles that were done already.
+    pub tiles_stale: u64,
+    pub wire_bytes: u64,
+    pub written: Vec<PathBuf>,
+}

@@ -1,0 +1,91 @@
+//! The first frame on every connection, and its answer.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::ids::{Epoch, NodeId};
+
+/// Raised with every change of a message.
+pub const PROTOCOL_VERSION: u32 = 1;
+pub const MAGIC: [u8; 8] = *b"marti\0\r\n";
+/// Until a peer is known, no frame may be longer.
+pub const HELLO_BYTES_MAX: usize = 4096;
+
+/// Which process speaks.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+pub enum Role {
+    Manager,
+    Bus,
+    Master,
+    Node(NodeId),
+    Display,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Manager => f.write_str("manager"),
+            Self::Bus => f.write_str("bus"),
+            Self::Master => f.write_str("master"),
+            Self::Node(node) => write!(f, "{node}"),
+            Self::Display => f.write_str("display"),
+        }
+    }
+}
+
+/// A secret of one run: 32 random bytes that the manager hands down by an inherited pipe, so that neither
+/// another user nor a process of an earlier run can join. Compared in constant time, never printed.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub struct RunToken([u8; 32]);
+
+impl RunToken {
+    pub fn new(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+}
+
+impl PartialEq for RunToken {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.iter().zip(&other.0).fold(0, |different, (a, b)| different | (a ^ b)) == 0
+    }
+}
+
+impl fmt::Debug for RunToken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("RunToken(..)")
+    }
+}
+
+/// Sent by the side that dialled.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Hello {
+    pub magic: [u8; 8],
+    pub version: u32,
+    /// Version of the program, for the log.
+    pub build: String,
+    pub role: Role,
+    pub epoch: Epoch,
+    pub token: RunToken,
+}
+
+impl Hello {
+    pub fn new(role: Role, epoch: Epoch, token: RunToken) -> Self {
+        Self {
+            magic: MAGIC,
+            version: PROTOCOL_VERSION,
+            build: env!("CARGO_PKG_VERSION").to_owned(),
+            role,
+            epoch,
+            token,
+        }
+    }
+}
+
+/// The answer of the side that listens; a refused peer is disconnected.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum HelloReply {
+    Welcome,
+    /// Says what was expected.
+    Refused(String),
+}

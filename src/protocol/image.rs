@@ -1,0 +1,23 @@
+//! Nodes (who send pixels) with the display (which acknowledges them).
+
+use serde::{Deserialize, Serialize};
+
+use crate::ids::{Attempt, TileId};
+
+/// From a node. The bulk bytes are the tile's planes as [`crate::tracer::Pixels::write_bytes`] lays them out.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct TilePixels {
+    pub tile: TileId,
+    pub attempt: Attempt,
+    /// Of the bulk bytes.
+    pub crc32c: u32,
+}
+
+/// From the display.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum ImageReply {
+    /// The tile is in the frame buffer, by this attempt or by an earlier one.
+    Acknowledged { tile: TileId, attempt: Attempt },
+    /// The connection ends after this.
+    Refused(String),
+}

@@ -1,0 +1,180 @@
+//! A topology file: read as written in [`file`], proven here. Nothing after it checks again.
+
+pub mod file;
+pub mod overrides;
+pub mod schema;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Camera, Light, procedural::Procedural};
+use crate::tracer::view::ImageSettings;
+
+/// A proven topology: every value is within its range, every combination possible.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Topology {
+    /// The file's stem; names the output folder.
+    pub name: String,
+    pub scene: SceneSource,
+    /// For scenes without one of their own; it does not override the file's.
+    pub camera: Option<Camera>,
+    /// For scenes without lights of their own.
+    pub lights: Vec<Light>,
+    pub background: Option<DVec3>,
+    pub image: Image,
+    pub octree: Octree,
+    pub cluster: Cluster,
+    pub run: Run,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum SceneSource {
+    /// Resolved against the topology file's folder (or the working directory, for an override).
+    File(PathBuf),
+    Procedural(Procedural),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// `None`: the scene file's resolution, else 512.
+    pub width: Option<u32>,
+    pub height: Option<u32>,
+    /// Pixels, at most the image.
+    pub tile: (u32, u32),
+    pub depth: u32,
+    pub cutoff: f32,
+}
+
+/// How the octree is built. None of these changes the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Octree {
+    /// A leaf that holds more primitives than this is divided, 1 to 1024.
+    pub leaf_size: u32,
+    /// Deepest level, 0 to 20.
+    pub max_depth: u32,
+    /// Whether a primitive that stands in many leaves is tested once a ray.
+    pub mailbox: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cluster {
+    /// Processing nodes, 1 to 256.
+    pub nodes: u16,
+    pub local_memory: LocalMemory,
+    pub bus: Bus,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LocalMemory {
+    pub size: MemorySize,
+    /// Bytes, a power of two, 16 to 256.
+    pub line: u32,
+    /// Lines a set; `None`: fully associative.
+    pub ways: Option<u32>,
+    pub replacement: Replacement,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum MemorySize {
+    /// The renderer's mode: the database is pulled once, then read without a check.
+    All,
+    /// Of the database's bytes, above 0 and at most 1.
+    Share {
+        numerator: u32,
+        denominator: u32,
+    },
+    Bytes(u64),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Replacement {
+    Lru,
+    Fifo,
+    Clock,
+    Random,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bus {
+    pub arbiter: Arbiter,
+}
+
+/// Who is granted the bus when several wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Arbiter {
+    /// The longest waiting.
+    Fifo,
+    /// Each node in turn may hold the bus for up to `quantum` transactions (1 to 1024).
+    RoundRobin { quantum: u32 },
+    /// The lowest node id.
+    FixedPriority,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Run {
+    pub order: TileOrder,
+    pub assignment: Assignment,
+    /// Seeds random replacement and random tile order.
+    pub seed: u64,
+    pub deadlines: Deadlines,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TileOrder {
+    /// Row by row from the top.
+    Scanline,
+    /// Along a Z-shaped curve, so that tiles handed out together lie together.
+    Morton,
+    /// Shuffled with the run's seed.
+    Random,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Assignment {
+    /// A node that asks gets the next tile: balanced, not reproducible.
+    OnDemand,
+    /// The i-th tile in order goes to node i mod nodes: counts are reproducible.
+    Interleaved,
+}
+
+/// How long to wait before a silent process counts as dead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deadlines {
+    /// From spawning a process until it is connected and configured.
+    pub startup: Duration,
+    /// Between two signs of life on a control connection.
+    pub heartbeat: Duration,
+    /// From a tile's issue to its acknowledgement.
+    pub tile: Duration,
+}
+
+impl Topology {
+    /// The image settings, once the scene's own resolution is known.
+    ///
+    /// # Errors
+    /// The tile is larger than the image.
+    pub fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
+        let (width, height) = camera.resolution.unwrap_or((512, 512));
+        let settings = ImageSettings {
+            width: self.image.width.unwrap_or(width),
+            height: self.image.height.unwrap_or(height),
+            depth: self.image.depth,
+            cutoff: self.image.cutoff,
+        };
+        let (tile_width, tile_height) = self.image.tile;
+        if tile_width > settings.width || tile_height > settings.height {
+            return Err(format!(
+                "image.tile is {tile_width}x{tile_height} pixels, larger than the image of {}x{}",
+                settings.width, settings.height
+            ));
+        }
+        Ok(settings)
+    }
+}

@@ -1,0 +1,18 @@
+//! The octree ray tracer. Pure: no sockets, no clock, no entropy; every read of the database goes
+//! through a [`MemoryPort`](memory_port::MemoryPort).
+
+pub mod hit;
+pub mod memory_port;
+pub mod octree;
+pub mod primitives;
+pub mod ray;
+pub mod shade;
+pub mod slices;
+pub mod stats;
+pub mod tile;
+pub mod view;
+
+pub use memory_port::{MemoryPort, RayKind};
+pub use stats::TraceStats;
+pub use tile::{AovSet, Pixels, Rect, TileTracer, Tiling};
+pub use view::View;

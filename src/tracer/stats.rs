@@ -1,0 +1,40 @@
+//! What the tracer counts of its own work.
+
+use serde::{Deserialize, Serialize};
+
+use super::memory_port::RayKind;
+
+/// Deepest level an octree may have; the root's is 0.
+pub const MAX_DEPTH: u32 = 20;
+/// Levels that are counted apart.
+pub const LEVELS: usize = MAX_DEPTH as usize + 1;
+
+/// Counts of one tile, or summed.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TraceStats {
+    /// Rays cast, by [`RayKind`].
+    pub rays: [u64; RayKind::COUNT],
+    /// Octree nodes visited, by level.
+    pub octree_accesses: [u64; LEVELS],
+    /// Ray and primitive intersection tests.
+    pub primitive_tests: u64,
+    /// Tests that the mailbox saved.
+    pub mailbox_skips: u64,
+    /// Pixels whose radiance was not finite and was written as 0.
+    pub non_finite_pixels: u64,
+}
+
+impl TraceStats {
+    pub fn add(&mut self, other: &Self) {
+        let sum = |a: &mut [u64], b: &[u64]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        sum(&mut self.rays, &other.rays);
+        sum(&mut self.octree_accesses, &other.octree_accesses);
+        self.primitive_tests += other.primitive_tests;
+        self.mailbox_skips += other.mailbox_skips;
+        self.non_finite_pixels += other.non_finite_pixels;
+    }
+
+    pub fn all_rays(&self) -> u64 {
+        self.rays.iter().sum()
+    }
+}
