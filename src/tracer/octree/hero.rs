@@ -382,7 +382,7 @@ mod tests {
         let mut origin = vector(random) * 0.99;
         let mut direction = vector(random).normalize();
         if i % 3 == 1 {
-            direction[i % 2] = if i % 4 == 0 { -0.0 } else { 0.0 };
+            direction[i % 2] = if i.is_multiple_of(4) { -0.0 } else { 0.0 };
             origin[i % 2] = 0.125 * (i % 16) as f64 - 1.0;
         }
         if i % 6 == 4 {

@@ -1,6 +1,7 @@
 //! The octree: [`build`] makes it, [`hero`] walks it.
 
 pub mod build;
+pub mod census;
 pub mod hero;
 pub mod mailbox;
 pub mod overlap;

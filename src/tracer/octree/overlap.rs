@@ -62,13 +62,13 @@ impl Bounds {
         // Octants with bit `axis` clear, and set.
         const LOWER: [u8; 3] = [0b0101_0101, 0b0011_0011, 0b0000_1111];
         let mut mask = 0xff;
-        for axis in 0..3 {
+        for (axis, lower) in LOWER.into_iter().enumerate() {
             let mut reached = 0;
             if self.lo[axis] <= cell.centre[axis] + PADDING {
-                reached |= LOWER[axis];
+                reached |= lower;
             }
             if self.hi[axis] >= cell.centre[axis] - PADDING {
-                reached |= !LOWER[axis];
+                reached |= !lower;
             }
             mask &= reached;
         }
