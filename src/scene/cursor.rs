@@ -96,7 +96,10 @@ impl<'a> Cursor<'a> {
 
     /// An error at a word: what is wrong with it, and what was expected.
     pub(super) fn error(&self, word: Word, what: fmt::Arguments) -> SourceError {
-        self.source.error(word.at, if word.bytes.is_empty() { format!("the file ends here{what}") } else { format!("{word}{what}") })
+        self.source.error(
+            word.at,
+            if word.bytes.is_empty() { format!("the file ends here{what}") } else { format!("{word}{what}") },
+        )
     }
 
     /// The next word as a number.
@@ -170,6 +173,10 @@ struct Bound(f64);
 
 impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.0 == 0.0 || (1e-4..1e4).contains(&self.0.abs()) { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+        if self.0 == 0.0 || (1e-4..1e4).contains(&self.0.abs()) {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:e}", self.0)
+        }
     }
 }

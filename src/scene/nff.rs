@@ -94,7 +94,8 @@ impl Reader<'_> {
         let vertex_bytes_min = if smooth { 12 } else { 6 };
         let vertices_max = self.cursor.remaining() / vertex_bytes_min;
         if vertex_count as usize > vertices_max {
-            let what = format_args!(" vertices, expected at most the {vertices_max} that the rest of the file can hold");
+            let what =
+                format_args!(" vertices, expected at most the {vertices_max} that the rest of the file can hold");
             return Err(self.cursor.error(word, what));
         }
         let first_vertex = self.scene.vertices.len() as u32;
@@ -140,7 +141,9 @@ impl Reader<'_> {
         let apex_word = self.cursor.word();
         let apex_radius = self.cursor.parse_number(apex_word, &RADIUS)?;
         if (apex - base).try_normalize().is_none() {
-            return Err(self.cursor.error(keyword, format_args!(" without height, expected an apex away from the base")));
+            return Err(self
+                .cursor
+                .error(keyword, format_args!(" without height, expected an apex away from the base")));
         }
         if base_radius == 0.0 && apex_radius == 0.0 {
             let what = format_args!(" is the second radius that is 0, expected at most one");
@@ -183,7 +186,9 @@ impl Reader<'_> {
 
     fn light(&mut self, keyword: Word) -> Result<(), SourceError> {
         if self.scene.lights.len() == LIGHTS_MAX {
-            return Err(self.cursor.error(keyword, format_args!(" is one too many, expected at most {LIGHTS_MAX} lights")));
+            return Err(self
+                .cursor
+                .error(keyword, format_args!(" is one too many, expected at most {LIGHTS_MAX} lights")));
         }
         let position = self.cursor.triple(&COORDINATE)?;
         let colour = match self.cursor.word_on_line() {
@@ -241,7 +246,9 @@ impl View {
                 let word = cursor.word();
                 let angle = cursor.parse_number(word, &ANGLE)?;
                 if angle == 0.0 || angle == 180.0 {
-                    return Err(cursor.error(word, format_args!(" is out of range, expected an angle between 0 and 180")));
+                    return Err(
+                        cursor.error(word, format_args!(" is out of range, expected an angle between 0 and 180"))
+                    );
                 }
                 self.angle_degrees = Some(angle);
             }
