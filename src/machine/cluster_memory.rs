@@ -88,6 +88,15 @@ impl ClusterMemory {
         let lines = self.range(fetch.address, span)?.chunks_exact(fetch.line_bytes as usize);
         Ok(lines.enumerate().filter(move |(i, _)| mask >> i & 1 == 1).map(|(_, bytes)| bytes))
     }
+
+    /// Appends the wanted lines in ascending order.
+    ///
+    /// # Errors
+    /// As for [`Self::lines`]; `into` is as before then.
+    pub fn gather(&self, fetch: &FetchRequest, into: &mut Vec<u8>) -> Result<(), AccessError> {
+        self.lines(fetch)?.for_each(|line| into.extend_from_slice(line));
+        Ok(())
+    }
 }
 
 #[cfg(test)]
