@@ -146,7 +146,7 @@ mod tests {
     fn ranges_are_checked() {
         let memory = memory();
         assert_eq!(memory.range(Address(250), 3).expect("inside"), [250, 0, 1]);
-        assert_eq!(memory.range(Address(512), 0).expect("empty, at the end"), []);
+        assert!(memory.range(Address(512), 0).expect("at the end").is_empty());
         for (address, bytes) in [(512, 1), (0, 513), (u64::MAX, 1), (1, u64::MAX), (u64::MAX, u64::MAX)] {
             let expected = AccessError::OutOfRange { address: Address(address), bytes, image_bytes: 512 };
             assert_eq!(memory.range(Address(address), bytes), Err(expected));
