@@ -6,6 +6,7 @@
 pub mod blocking;
 pub mod handshake;
 pub mod listener;
+pub mod read_buffer;
 
 use std::io;
 use std::marker::PhantomData;
