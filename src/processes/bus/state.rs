@@ -83,21 +83,19 @@ impl State {
     /// between.
     ///
     /// # Errors
-    /// The cluster memory has no such bytes; `out` is as before then.
+    /// The cluster memory has no such bytes; `out` is as it was.
     pub fn serve(
         &mut self,
         grant: Grant,
         out: &mut Vec<u8>,
         now: impl FnOnce() -> u64,
     ) -> Result<Transaction, Refusal> {
-        let start = out.len();
         match move_data(&mut self.memory, &grant.request, out) {
             Ok(data_bytes) => {
                 let data = out.get(out.len() - data_bytes..).unwrap_or_default();
                 Ok(self.bus.complete(grant, data, now()))
             }
             Err(error) => {
-                out.truncate(start);
                 self.bus.refuse(grant);
                 Err(error.into())
             }
@@ -178,29 +176,27 @@ impl State {
 
 /// Does what is asked and appends the answer; returns how many bytes at its end are the data moved back.
 fn move_data(memory: &mut ClusterMemory, request: &Request, out: &mut Vec<u8>) -> Result<usize, AccessError> {
-    match request {
-        Request::Fetch { fetch, .. } => answer(fetch.bytes(), out, |out| memory.gather(fetch, out)),
-        Request::Bulk { address, bytes } => answer(*bytes, out, |out| {
-            out.extend_from_slice(memory.range(*address, u64::from(*bytes))?);
-            Ok(())
-        }),
+    let bytes = match request {
+        Request::Fetch { fetch, .. } => {
+            let lines = memory.lines(fetch)?;
+            encode(&MemoryReply::Data { bytes: fetch.bytes() }, out, |out| {
+                lines.for_each(|line| out.extend_from_slice(line));
+            });
+            fetch.bytes()
+        }
+        Request::Bulk { address, bytes } => {
+            let range = memory.range(*address, u64::from(*bytes))?;
+            encode(&MemoryReply::Data { bytes: *bytes }, out, |out| out.extend_from_slice(range));
+            *bytes
+        }
         Request::Write { address, data } => {
             memory.store(*address, data)?;
             encode(&MemoryReply::Stored, out, |_| ());
-            Ok(0)
+            0
         }
-        Request::Job { .. } | Request::Pixels { .. } => Ok(0),
-    }
-}
-
-fn answer(
-    bytes: u32,
-    out: &mut Vec<u8>,
-    append: impl FnOnce(&mut Vec<u8>) -> Result<(), AccessError>,
-) -> Result<usize, AccessError> {
-    let mut appended = Ok(());
-    encode(&MemoryReply::Data { bytes }, out, |out| appended = append(out));
-    appended.map(|()| bytes as usize)
+        Request::Job { .. } | Request::Pixels { .. } => 0,
+    };
+    Ok(bytes as usize)
 }
 
 /// Replies are short, and their bulk bytes were checked when they were asked for.
