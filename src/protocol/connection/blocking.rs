@@ -60,8 +60,9 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
         Ok(connection)
     }
 
-    pub fn peer(&self) -> &Arc<str> {
-        &self.peer
+    /// An error of this conversation, with the peer's name.
+    pub fn error(&self, fault: Fault) -> ConnectionError {
+        fault.of(&self.peer)
     }
 
     /// # Errors
