@@ -16,6 +16,7 @@ pub mod machine;
 pub mod processes;
 pub mod protocol;
 pub mod recording;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod telemetry;
