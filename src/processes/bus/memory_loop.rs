@@ -13,16 +13,17 @@ use tokio::sync::mpsc;
 use super::client::Client;
 use super::state::{Refusal, State, initiator};
 use crate::codec;
-use crate::machine::transaction::{Initiator, Transaction};
+use crate::machine::transaction::Initiator;
 use crate::protocol::connection::{Fault, Peer};
 use crate::protocol::control::{BusTotals, LostAttempt};
 use crate::protocol::memory::MemoryReply;
+use crate::recording::{RecordingError, Writer};
 
 const WAKE: Token = Token(usize::MAX);
 const EVENTS_MAX: usize = 512;
 const COMMANDS_MAX: usize = 64;
-/// How often peers that do not read are looked at, while there are any.
-const STUCK_PERIOD: Duration = Duration::from_millis(200);
+/// How often to look at what no event tells, while there is such.
+const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
 /// From the process to its loop.
 #[derive(Debug)]
@@ -31,6 +32,15 @@ pub enum Command {
     Admit(Peer, std::net::TcpStream),
     /// Serve what has arrived, then end.
     Finish { lost: Vec<LostAttempt> },
+}
+
+/// What ends a bus.
+#[derive(Debug, thiserror::Error)]
+pub enum LoopError {
+    #[error("cannot wait for sockets: {0}")]
+    Poll(#[from] io::Error),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
 }
 
 /// The other end of a loop; the loop ends when it is dropped.
@@ -67,6 +77,9 @@ pub struct MemoryLoop {
     /// What the manager should know of; one more than fit is in the text log only.
     incidents: mpsc::Sender<String>,
     state: State,
+    recording: Writer,
+    /// Rows were pushed since it was flushed.
+    unflushed: bool,
     /// By [`slot`].
     clients: Vec<Option<Client>>,
     /// Slots whose client may have a request, and those whose request is on the bus.
@@ -92,7 +105,12 @@ impl MemoryLoop {
     ///
     /// # Errors
     /// The system has no file descriptor left.
-    pub fn new(state: State, incidents: mpsc::Sender<String>, stuck_deadline: Duration) -> io::Result<(Self, Handle)> {
+    pub fn new(
+        state: State,
+        recording: Writer,
+        incidents: mpsc::Sender<String>,
+        stuck_deadline: Duration,
+    ) -> io::Result<(Self, Handle)> {
         let poll = Poll::new()?;
         let waker = Arc::new(Waker::new(poll.registry(), WAKE)?);
         let (sender, commands) = channel::bounded(COMMANDS_MAX);
@@ -103,6 +121,8 @@ impl MemoryLoop {
             commands,
             incidents,
             state,
+            recording,
+            unflushed: false,
             clients: Vec::new(),
             ready: Vec::new(),
             asked: Vec::new(),
@@ -113,18 +133,15 @@ impl MemoryLoop {
         Ok((memory_loop, handle))
     }
 
-    /// Serves until told to finish; `None` when the handle was dropped instead. Every transaction goes
-    /// through `record`, which may block: the bus waits then.
+    /// Serves until told to finish; `None` when the handle was dropped instead. The recording is whole after
+    /// the former.
     ///
     /// # Errors
-    /// The system cannot poll, or `record` fails: a bus without its log is of no use.
-    pub fn run<E>(mut self, mut record: impl FnMut(Transaction) -> Result<(), E>) -> Result<Option<BusTotals>, E>
-    where
-        E: From<io::Error>,
-    {
+    /// The system cannot poll, or the recording cannot be written: a bus without its log is of no use.
+    pub fn run(mut self) -> Result<Option<BusTotals>, LoopError> {
         let mut events = Events::with_capacity(EVENTS_MAX);
         loop {
-            let timeout = self.clients.iter().flatten().any(Client::is_stuck).then_some(STUCK_PERIOD);
+            let timeout = self.timeout();
             match self.poll.poll(&mut events, timeout) {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
                 polled => polled?,
@@ -136,18 +153,27 @@ impl MemoryLoop {
                     Token(slot) => self.wake(slot),
                 }
             }
-            self.serve(&mut record)?;
+            self.serve()?;
             if timeout.is_some() {
                 self.drop_stuck();
             }
+            if events.is_empty() {
+                self.recording.flush()?;
+                self.unflushed = false;
+            }
             if told {
                 match self.obey() {
-                    Obeyed::On => self.serve(&mut record)?,
+                    Obeyed::On => self.serve()?,
                     Obeyed::Abandoned => return Ok(None),
-                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&lost, &mut record)?)),
+                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&lost)?)),
                 }
             }
         }
+    }
+
+    /// The next look at what no event tells: peers that do not read, rows that wait for more rows.
+    fn timeout(&self) -> Option<Duration> {
+        (self.unflushed || self.clients.iter().flatten().any(Client::is_stuck)).then_some(LOOK_PERIOD)
     }
 
     fn wake(&mut self, slot: usize) {
@@ -158,7 +184,7 @@ impl MemoryLoop {
     }
 
     /// Rounds until nobody has a request: one request of each who has, all of them in the arbiter's order.
-    fn serve<E>(&mut self, record: &mut impl FnMut(Transaction) -> Result<(), E>) -> Result<(), E> {
+    fn serve(&mut self) -> Result<(), RecordingError> {
         while !self.ready.is_empty() {
             let mut ready = std::mem::take(&mut self.ready);
             ready.drain(..).for_each(|slot| self.take_request(slot));
@@ -171,7 +197,10 @@ impl MemoryLoop {
                 };
                 let start = self.start;
                 match self.state.serve(grant, &mut client.output, || nanoseconds_since(start)) {
-                    Ok(transaction) => record(transaction)?,
+                    Ok(transaction) => {
+                        self.recording.push(transaction)?;
+                        self.unflushed = true;
+                    }
                     Err(refusal) => self.refuse(slot, &refusal),
                 }
             }
@@ -298,15 +327,12 @@ impl MemoryLoop {
     }
 
     /// What was sent before the end is in the sockets already, whatever order the loop heard of it.
-    fn finish<E>(
-        mut self,
-        lost: &[LostAttempt],
-        record: &mut impl FnMut(Transaction) -> Result<(), E>,
-    ) -> Result<BusTotals, E> {
+    fn finish(mut self, lost: &[LostAttempt]) -> Result<BusTotals, LoopError> {
         (0..self.clients.len()).for_each(|slot| self.wake(slot));
-        self.serve(record)?;
+        self.serve()?;
         let wire_bytes = self.wire_bytes + self.clients.iter().flatten().map(|client| client.wire_bytes).sum::<u64>();
-        Ok(BusTotals { wire_bytes, ..self.state.totals(lost) })
+        let log = self.recording.finish()?;
+        Ok(BusTotals { wire_bytes, log_rows: log.rows, log_waits: log.waits, ..self.state.totals(lost) })
     }
 }
 

@@ -7,6 +7,8 @@ pub mod blocking;
 pub mod handshake;
 pub mod listener;
 pub mod read_buffer;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 use std::marker::PhantomData;
