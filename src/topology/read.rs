@@ -1,0 +1,263 @@
+//! From a file's bytes to a [`Topology`].
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+
+use super::document::{Document, place};
+use super::file::{File, Preamble};
+use super::prove::prove;
+use super::{Override, Topology};
+use crate::scene::SourceError;
+
+/// Longer files are no topologies.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+
+impl Topology {
+    /// Reads a topology file with the overrides in place of its own values.
+    ///
+    /// # Errors
+    /// What is wrong and what was expected, at its place in the file, or with the override that it is about.
+    pub fn read(path: &Path, overrides: &[Override]) -> Result<Self, SourceError> {
+        let unreadable =
+            |error| SourceError::new(path, None, format!("cannot be read ({error}), expected a topology file"));
+        let mut bytes = Vec::new();
+        let file = fs::File::open(path).map_err(unreadable)?;
+        file.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        Self::from_bytes(path, &bytes, overrides)
+    }
+
+    /// [`Self::read`] for what was read from `path`.
+    fn from_bytes(path: &Path, bytes: &[u8], overrides: &[Override]) -> Result<Self, SourceError> {
+        if bytes.len() as u64 > FILE_BYTES_MAX {
+            return Err(SourceError::new(path, None, "the file is too long, expected a topology of at most 1 MiB"));
+        }
+        let text = std::str::from_utf8(bytes).map_err(|error| {
+            SourceError::new(path, Some(place(bytes, error.valid_up_to())), "not UTF-8, expected a text file")
+        })?;
+        let document = Document::parse(path, text, overrides)?;
+        document.read::<Preamble>()?;
+        let written: File = document.read()?;
+        prove(path, &written, &document)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn read(text: &[u8]) -> Result<Topology, SourceError> {
+        Topology::from_bytes(Path::new("t.toml"), text, &[])
+    }
+
+    fn assert_refused(text: &str, place_and_reason: &str) {
+        let error = read(text.as_bytes()).expect_err(text);
+        assert_eq!(error.to_string(), format!("t.toml:{place_and_reason}"), "{text}");
+    }
+
+    #[test]
+    fn bad_files_are_refused_at_their_place() {
+        let table = [
+            ("", " no scene is given, expected scene.file or scene.procedural"),
+            ("[scene]", "1:1: no scene is given, expected scene.file or scene.procedural"),
+            ("scene = 'teapot'", "1:9: scene is 'teapot', expected a table"),
+            ("scene", "1:6: key with no value, expected `=`"),
+            ("[scene", "1:7: unclosed table, expected `]`"),
+            ("[scene]\nprocedural = 'teapot'\nprocedural = 'gears'", "3:1: duplicate key, expected valid TOML"),
+            (
+                "[scnee]",
+                "1:2: unknown key scnee, expected one of topology, scene, camera, light, image, octree, cluster, run; did you mean scene?",
+            ),
+            (
+                "[scene]\nprocedural = 'teapots'",
+                "2:14: scene.procedural is 'teapots', expected one of gears, teapot, balls, tetra; did you mean teapot?",
+            ),
+            ("[scene]\nprocedural = ['teapot']", "2:14: scene.procedural is ['teapot'], expected a string"),
+            (
+                "[scene]\nprocedural = 'teapot'\nfile = 'a.nff'",
+                "2:14: both scene.file and scene.procedural are given, expected one of them",
+            ),
+            (
+                "[scene]\nfile = 'a.nff'\nsize = 3",
+                "3:8: scene.size has no meaning for a file, expected it with scene.procedural only",
+            ),
+            ("[scene]\nprocedural = 'teapot'\nsize = 0", "3:8: scene.size is 0, expected an integer from 1 to 1000"),
+            ("[scene]\nfile = ''", "2:8: scene.file is empty, expected the path of an .nff or .obj file"),
+            ("[scene]\nfile = 12", "2:8: scene.file is 12, expected a string"),
+            ("image = [512, 512]\nscene.procedural = 'gears'", "1:9: image is [512, 512], expected a table"),
+            ("light = [[[1, 1, 1]]]\nscene.procedural = 'gears'", "1:10: light[0] is [[1, 1, 1]], expected a table"),
+            ("topology.version = 2\nfuture = 1", "1:20: topology.version is 2, expected 1"),
+            ("topology.version = 'one'", "1:20: topology.version is 'one', expected 1"),
+            (
+                "topology.name = '../x'\nscene.procedural = 'gears'",
+                "1:17: topology.name is \"../x\", expected the name of a folder: 1 to 255 bytes, no slashes, not . or ..",
+            ),
+            (
+                "topology.name = ''\nscene.procedural = 'gears'",
+                "1:17: topology.name is \"\", expected the name of a folder: 1 to 255 bytes, no slashes, not . or ..",
+            ),
+            (
+                "\"\\u001b[2J\" = 1",
+                "1:1: unknown key �[2J, expected one of topology, scene, camera, light, image, octree, cluster, run",
+            ),
+            ("scene.procedural = 'gears' é", "1:28: unexpected key or value, expected newline, `#`"),
+        ];
+        for (text, reason) in table {
+            assert_refused(text, reason);
+        }
+    }
+
+    #[test]
+    fn bad_values_are_refused_at_their_place() {
+        let table = [
+            ("scene.size = 3", "2:14: scene.size has no meaning for a file, expected it with scene.procedural only"),
+            (
+                "scene.background = [0.1, nan, 0]",
+                "2:26: scene.background[1] is nan, expected a number from 0 to 1000000",
+            ),
+            ("scene.background = [0.1, 0]", "2:20: scene.background is [0.1, 0], expected three numbers"),
+            ("scene.background = 'black'", "2:20: scene.background is 'black', expected three numbers"),
+            ("[camera]\nat = [0, 0, 0]", "2:1: camera.from is missing, expected a value"),
+            (
+                "[camera]\nfrom = [1, 2, 3]\nat = [1, 2, 3]",
+                "4:6: camera.at is where camera.from is, expected another point",
+            ),
+            (
+                "[camera]\nfrom = [0, 0, 0]\nat = [0, 2, 0]",
+                "4:6: camera.up is zero or along the view, expected another direction",
+            ),
+            (
+                "[camera]\nfrom = [0, 0, 9]\nat = [0, 0, 0]\nup = [0, 0, 0]",
+                "5:6: camera.up is zero or along the view, expected another direction",
+            ),
+            (
+                "[camera]\nfrom = [0, 0, inf]\nat = [0, 2, 0]",
+                "3:15: camera.from[2] is inf, expected a number from -1e12 to 1e12",
+            ),
+            (
+                "[camera]\nfrom = [0, 0, 1e999]\nat = [0, 2, 0]",
+                "3:15: camera.from[2] is 1e999, expected a smaller number",
+            ),
+            (
+                "[camera]\nfrom = [0, 0, 1]\nat = [0, 2, 0]\nangle = 180",
+                "5:9: camera.angle is 180, expected a number from 0.001 to 179.9",
+            ),
+            ("[[light]]\ncolour = [1, 1, 1]", "2:1: light[0].position is missing, expected a value"),
+            (
+                "[[light]]\nposition = [1, 1, 'x']",
+                "3:19: light[0].position[2] is 'x', expected a number from -1e12 to 1e12",
+            ),
+            (
+                "[[light]]\nposition = [1, 1, 1]\ncolor = [1, 1, 1]",
+                "4:1: unknown key light[0].color, expected one of position, colour; did you mean colour?",
+            ),
+            ("[light]\nposition = [1, 1, 1]", "2:1: light is [light], expected an array of tables"),
+            ("[image]\nwidth = 0", "3:9: image.width is 0, expected an integer from 1 to 65536"),
+            ("[image]\nwidth = 512.0", "3:9: image.width is 512.0, expected an integer from 1 to 65536"),
+            ("[image]\nheight = 65537", "3:10: image.height is 65537, expected an integer from 1 to 65536"),
+            (
+                "[image]\nwidth = 99999999999999999999999999999999999999999999",
+                "3:9: image.width is 9999999999999999999999999999999999999999…, expected a smaller number",
+            ),
+            (
+                "[image]\nwidth = 32\nheight = 32\ntile = 64",
+                "5:8: image.tile is 64x64 pixels, expected at most the image's 32x32",
+            ),
+            (
+                "[image]\nheight = 32\ntile = [64, 64]",
+                "4:8: image.tile is 64x64 pixels, expected at most the image's 65536x32",
+            ),
+            (
+                "[image]\nwidth = 65536\nheight = 65536\ntile = 1",
+                "5:8: image.tile is 1x1 pixels, which makes 4294967296 tiles, expected at most 16777216",
+            ),
+            (
+                "[image]\ntile = [1, 1, 1]",
+                "3:8: image.tile is [1, 1, 1], expected an integer or [width, height], each from 1 to 65536",
+            ),
+            (
+                "[image]\ntile = []",
+                "3:8: image.tile is [], expected an integer or [width, height], each from 1 to 65536",
+            ),
+            ("[image]\ntile = [1, 0]", "3:12: image.tile[1] is 0, expected an integer from 1 to 65536"),
+            ("[image]\ntile = 0", "3:8: image.tile is 0, expected an integer or [width, height], each from 1 to 65536"),
+            (
+                "[image]\ntile = '5x5'",
+                "3:8: image.tile is '5x5', expected an integer or [width, height], each from 1 to 65536",
+            ),
+            ("[image]\ndepth = 65", "3:9: image.depth is 65, expected an integer from 0 to 64"),
+            ("[image]\ncutoff = -0.5", "3:10: image.cutoff is -0.5, expected a number from 0 to 1"),
+            ("[image]\ncutoff = nan", "3:10: image.cutoff is nan, expected a number from 0 to 1"),
+            ("[octree]\nmailbox = 'on'", "3:11: octree.mailbox is 'on', expected a boolean"),
+            (
+                "[octree]\nleafsize = 8",
+                "3:1: unknown key octree.leafsize, expected one of leaf_size, max_depth, mailbox; did you mean leaf_size?",
+            ),
+            ("[octree]\nmax_depth = 21", "3:13: octree.max_depth is 21, expected an integer from 0 to 20"),
+            ("[cluster]\nnodes = 0", "3:9: cluster.nodes is 0, expected an integer from 1 to 256"),
+            ("[cluster]\nnodes = 257", "3:9: cluster.nodes is 257, expected an integer from 1 to 256"),
+            ("[cluster]\nnodes = 'four'", "3:9: cluster.nodes is 'four', expected an integer from 1 to 256"),
+            ("[cluster]\nnodes = 2024-01-01", "3:9: cluster.nodes is 2024-01-01, expected an integer from 1 to 256"),
+            ("[cluster]\nlocal_memory = '1/8'", "3:16: cluster.local_memory is '1/8', expected a table"),
+            (
+                "[cluster.local_memory]\nsize = '9/8'",
+                "3:8: cluster.local_memory.size is '9/8', expected \"all\", a share of the database above 0 and at most 1 such as \"1/8\", or 1 B to 1 TiB such as \"64 KiB\"",
+            ),
+            (
+                "[cluster.local_memory]\nsize = 0",
+                "3:8: cluster.local_memory.size is 0, expected \"all\", a share of the database above 0 and at most 1 such as \"1/8\", or 1 B to 1 TiB such as \"64 KiB\"",
+            ),
+            (
+                "[cluster.local_memory]\nsize = 1023",
+                "3:8: cluster.local_memory.size is 1023 bytes, expected at least 1024: 16 lines of 64 bytes",
+            ),
+            (
+                "[cluster.local_memory]\nsize = '2 KiB'\nline = 256",
+                "3:8: cluster.local_memory.size is 2048 bytes, expected at least 4096: 16 lines of 256 bytes",
+            ),
+            (
+                "[cluster.local_memory]\nline = 48",
+                "3:8: cluster.local_memory.line is 48, expected a power of two from 16 to 256",
+            ),
+            (
+                "[cluster.local_memory]\nways = 0",
+                "3:8: cluster.local_memory.ways is 0, expected an integer from 1 to 1048576",
+            ),
+            (
+                "[cluster.local_memory]\nreplacement = 'lfu'",
+                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, random",
+            ),
+            (
+                "[cluster.local_memory]\nreplacement = { lru = {} }",
+                "3:15: cluster.local_memory.replacement is { lru = {} }, expected a string",
+            ),
+            (
+                "[cluster.bus]\nquantum = 2",
+                "3:11: cluster.bus.quantum has no meaning here, expected it with arbiter = \"round_robin\" only",
+            ),
+            (
+                "[cluster.bus]\narbiter = 'roundrobin'",
+                "3:11: cluster.bus.arbiter is 'roundrobin', expected one of fifo, round_robin, fixed_priority; did you mean round_robin?",
+            ),
+            (
+                "[cluster.bus]\narbiter = 'round_robin'\nquantum = 0",
+                "4:11: cluster.bus.quantum is 0, expected an integer from 1 to 1024",
+            ),
+            ("[run]\nseed = -1", "3:8: run.seed is -1, expected an integer from 0 to 9007199254740991"),
+            ("[run]\norder = 'hilbert'", "3:9: run.order is 'hilbert', expected one of scanline, morton, random"),
+            (
+                "[run.deadlines]\ntile_seconds = 0",
+                "3:16: run.deadlines.tile_seconds is 0, expected a number from 0.1 to 86400",
+            ),
+            (
+                "[run.deadlines]\ntile = 10",
+                "3:1: unknown key run.deadlines.tile, expected one of startup_seconds, heartbeat_seconds, tile_seconds; did you mean tile_seconds?",
+            ),
+        ];
+        for (section, reason) in table {
+            assert_refused(&format!("scene.file = 'a.obj'\n{section}"), reason);
+        }
+    }
+}
