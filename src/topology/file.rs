@@ -20,6 +20,7 @@ use crate::tracer::view::ImageSettings;
 /// A topology of marti: what is rendered, by how many processing nodes, through how much local memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[schemars(title = "marti topology", extend("required" = ["scene"]))]
 pub struct File {
     #[serde(deserialize_with = "table")]
     pub topology: Header,
@@ -82,6 +83,7 @@ impl Default for PreambleHeader {
 /// What is rendered: exactly one of `file` and `procedural`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[schemars(extend("oneOf" = [{ "required": ["file"] }, { "required": ["procedural"] }]))]
 pub struct Scene {
     /// An NFF or OBJ file, relative to the topology file.
     #[serde(skip_serializing_if = "Option::is_none")]

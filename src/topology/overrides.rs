@@ -99,3 +99,121 @@ impl fmt::Display for Override {
         write!(f, "--set {}={}", self.key.join("."), self.value)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::scene::SourceError;
+    use crate::scene::procedural::{Kind, Procedural};
+    use crate::topology::{MemorySize, SceneSource, Topology};
+
+    const FILE: &str = "\
+        scene = { procedural = 'teapot', size = 3 }\n\
+        camera = { from = [0, 0, 9], at = [0, 0, 0] }\n\
+        light = [{ position = [1, 2, 3] }, { position = [4, 5, 6] }]\n\
+        image = { width = 64, height = 64 }\n";
+
+    fn read(overrides: &[&str]) -> Result<Topology, SourceError> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("t.toml");
+        fs::write(&path, FILE).expect("a file");
+        let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
+        Topology::read(&path, &overrides)
+    }
+
+    fn read_well(overrides: &[&str]) -> Topology {
+        read(overrides).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn values_are_toml_or_else_strings() {
+        let topology = read_well(&["cluster.nodes=9", "cluster.local_memory.size=1/16", "image.tile=[5, 7]"]);
+        assert_eq!(topology.cluster.nodes, 9);
+        assert_eq!(topology.cluster.local_memory.size, MemorySize::Share { numerator: 1, denominator: 16 });
+        assert_eq!(topology.image.tile, (5, 7));
+        let quoted = read_well(&["cluster.local_memory.size = \"64 KiB\""]);
+        assert_eq!(quoted.cluster.local_memory.size, MemorySize::Bytes(65_536));
+        assert_eq!(read_well(&["topology.name=a=b"]).name, "a=b");
+    }
+
+    #[test]
+    fn tables_and_elements_can_be_set() {
+        let topology = read_well(&["cluster={ nodes = 2 }", "light.1.position=[7, 8, 9]", "light.0.position.2=-1"]);
+        assert_eq!(topology.cluster.nodes, 2);
+        let positions: Vec<[f64; 3]> = topology.lights.iter().map(|light| light.position.to_array()).collect();
+        assert_eq!(positions, [[1.0, 2.0, -1.0], [7.0, 8.0, 9.0]]);
+    }
+
+    #[test]
+    fn the_last_of_two_overrides_holds() {
+        assert_eq!(read_well(&["cluster.nodes=2", "cluster.nodes=3"]).cluster.nodes, 3);
+    }
+
+    #[test]
+    fn another_scene_displaces_camera_and_lights() {
+        for overrides in [["scene.file=x/a.obj", "image.width=32"], ["image.width=32", "scene.file=x/a.obj"]] {
+            let topology = read_well(&overrides);
+            assert_eq!(topology.scene, SceneSource::File(PathBuf::from("x/a.obj")), "from the working directory");
+            assert_eq!((topology.camera, topology.lights), (None, Vec::new()));
+        }
+        let gears = read_well(&["scene.procedural=gears"]);
+        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 2 }));
+        assert_eq!((gears.camera, gears.lights), (None, Vec::new()));
+        let smaller = read_well(&["scene.size=2"]);
+        assert_eq!((smaller.camera.is_some(), smaller.lights.len()), (true, 2), "the same scene keeps both");
+    }
+
+    #[test]
+    fn what_belongs_to_the_new_scene_can_be_set_with_it() {
+        let view =
+            ["camera.at=[0, 0, 0]", "camera.from=[0, 0, 1]", "scene.file=a.obj", "light=[{ position = [1, 1, 1] }]"];
+        let topology = read_well(&view);
+        assert_eq!(topology.camera.map(|camera| camera.from.z), Some(1.0));
+        assert_eq!(topology.lights.len(), 1);
+    }
+
+    #[test]
+    fn errors_name_the_override() {
+        let table = [
+            ("cluster.nodes=0", "cluster.nodes is 0, expected an integer from 1 to 256"),
+            ("cluster.nodes=", "cluster.nodes is , expected an integer from 1 to 256"),
+            (
+                "cluster.nodse=2",
+                "unknown key cluster.nodse, expected one of nodes, local_memory, bus; did you mean nodes?",
+            ),
+            (
+                "clutser.nodes=2",
+                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, run; did you mean cluster?",
+            ),
+            ("image.width.x=2", "image.width is of type integer, expected a table"),
+            ("light.2.position=[0, 0, 0]", "light has no element 2, expected a number below 2"),
+            ("light.x.position=[0, 0, 0]", "light has no element x, expected a number below 2"),
+            ("scene.file=7", "scene.file is 7, expected a string"),
+            ("image.tile=65", "image.tile is 65x65 pixels, expected at most the image's 64x64"),
+            (
+                "image.tile={ w = [1",
+                "image.tile is { w = [1, expected an integer or [width, height], each from 1 to 65536",
+            ),
+            ("camera.at=[0, 0, 9]", "camera.at is where camera.from is, expected another point"),
+            ("camera.from=[0, 0, 0]", "camera.at is where camera.from is, expected another point"),
+        ];
+        for (text, reason) in table {
+            let error = read(&[text]).expect_err(text);
+            assert_eq!(error.to_string(), format!("--set {text}: {reason}"));
+        }
+        let both = read(&["scene.file=a.nff", "scene.procedural=gears"]).expect_err("two scenes");
+        let reason = "both scene.file and scene.procedural are given, expected one of them";
+        assert_eq!(both.to_string(), format!("--set scene.procedural=gears: {reason}"));
+    }
+
+    #[test]
+    fn what_is_no_override_is_refused() {
+        for text in ["", "cluster.nodes", "=3", ".=3", "cluster..nodes=3", "a b=3", "a.b.c.d.e=1", "\"a\"=1"] {
+            assert!(text.parse::<Override>().is_err(), "{text}");
+        }
+        assert!("a.".repeat(100_000).parse::<Override>().is_err());
+    }
+}

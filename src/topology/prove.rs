@@ -106,11 +106,13 @@ fn prove_camera(written: &file::Camera, document: &Document<'_>) -> Result<Camer
     const SINE_MIN: f64 = 1e-6;
     let (from, at, up) = (point(written.from), point(written.at), point(written.up));
     let Some(view) = (at - from).try_normalize() else {
-        return Err(document.error(&["camera.at"], "camera.at is where camera.from is, expected another point"));
+        return Err(
+            document.error(&["camera.at", "camera.from"], "camera.at is where camera.from is, expected another point")
+        );
     };
     if up.try_normalize().is_none_or(|up| up.cross(view).length() < SINE_MIN) {
         let what = "camera.up is zero or along the view, expected another direction";
-        return Err(document.error(&["camera.up", "camera.at"], what));
+        return Err(document.error(&["camera.up", "camera.at", "camera.from"], what));
     }
     Ok(Camera { from, at, up, angle_degrees: written.angle.0, resolution: None })
 }

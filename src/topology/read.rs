@@ -44,9 +44,15 @@ impl Topology {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;
+    use crate::topology::{
+        Arbiter, Assignment, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Replacement, Run,
+        SceneSource, TileOrder,
+    };
 
     fn read(text: &[u8]) -> Result<Topology, SourceError> {
         Topology::from_bytes(Path::new("t.toml"), text, &[])
@@ -258,6 +264,150 @@ mod tests {
         ];
         for (section, reason) in table {
             assert_refused(&format!("scene.file = 'a.obj'\n{section}"), reason);
+        }
+    }
+
+    #[test]
+    fn files_that_cannot_be_text_are_refused() {
+        let error = |bytes: &[u8]| read(bytes).expect_err("no topology").to_string();
+        assert_eq!(error(b"# \xc3\xbc\n# \xc3\xbc\xff"), "t.toml:2:4: not UTF-8, expected a text file");
+        let long = vec![b'#'; 1 + FILE_BYTES_MAX as usize];
+        assert_eq!(error(&long), "t.toml: the file is too long, expected a topology of at most 1 MiB");
+        let missing = Topology::read(Path::new("no/such.toml"), &[]).expect_err("no file").to_string();
+        assert!(missing.starts_with("no/such.toml: cannot be read ("), "{missing}");
+        let folder = Topology::read(Path::new("src"), &[]).expect_err("no file").to_string();
+        assert!(folder.starts_with("src: cannot be read ("), "{folder}");
+    }
+
+    #[test]
+    fn deep_nesting_is_refused() {
+        for open in ["[", "{ a = "] {
+            assert!(read(format!("a = {}", open.repeat(100_000)).as_bytes()).is_err());
+        }
+    }
+
+    #[test]
+    fn a_topology_of_a_scene_alone_has_the_documented_defaults() {
+        let topology = read(b"scene.file = 'scenes/a.obj'").expect("a scene is enough");
+        let defaults = Topology {
+            name: "t".to_owned(),
+            scene: SceneSource::File("scenes/a.obj".into()),
+            camera: None,
+            lights: Vec::new(),
+            background: None,
+            image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0 },
+            octree: Octree { leaf_size: 12, max_depth: 10, mailbox: true },
+            cluster: Cluster {
+                nodes: 4,
+                local_memory: LocalMemory {
+                    size: MemorySize::Share { numerator: 1, denominator: 8 },
+                    line: 64,
+                    ways: None,
+                    replacement: Replacement::Lru,
+                },
+                bus: Bus { arbiter: Arbiter::Fifo },
+            },
+            run: Run {
+                order: TileOrder::Scanline,
+                assignment: Assignment::OnDemand,
+                seed: 1,
+                deadlines: Deadlines {
+                    startup: Duration::from_secs(10),
+                    heartbeat: Duration::from_secs(5),
+                    tile: Duration::from_secs(600),
+                },
+            },
+        };
+        assert_eq!(topology, defaults);
+    }
+
+    #[test]
+    fn the_default_tile_fits_a_small_image() {
+        let topology = read(b"scene.procedural = 'gears'\nimage = { width = 8, height = 100 }").expect("is possible");
+        assert_eq!(topology.image.tile, (8, 16));
+    }
+
+    #[test]
+    fn a_scene_is_found_from_the_topologys_folder() {
+        let path = Path::new("somewhere/t.toml");
+        let topology = Topology::from_bytes(path, b"scene.file = '../a.nff'", &[]).expect("is possible");
+        assert_eq!(topology.scene, SceneSource::File("somewhere/../a.nff".into()));
+    }
+
+    /// A line of a topology file, right or nearly so.
+    fn line() -> impl Strategy<Value = String> {
+        let words = |words: &'static [&'static str]| proptest::sample::select(words);
+        let key = words(&[
+            "scene.file",
+            "scene.procedural",
+            "scene.size",
+            "scene.background",
+            "camera.from",
+            "camera.at",
+            "camera.up",
+            "light",
+            "image.width",
+            "image.height",
+            "image.tile",
+            "image.depth",
+            "image.cutoff",
+            "octree.leaf_size",
+            "cluster.nodes",
+            "cluster.local_memory.size",
+            "cluster.local_memory.line",
+            "cluster.local_memory.ways",
+            "cluster.local_memory.replacement",
+            "cluster.bus.arbiter",
+            "cluster.bus.quantum",
+            "run.order",
+            "run.seed",
+            "run.deadlines.tile_seconds",
+            "topology.name",
+            "topology.version",
+        ]);
+        let value = prop_oneof![
+            words(&[
+                "'gears'",
+                "'a.obj'",
+                "[0, 1, 2]",
+                "[1, 0.5]",
+                "[{position = [1, 2, 3]}]",
+                "'all'",
+                "'1/8'",
+                "'4 KiB'",
+                "64",
+                "'random'",
+                "'round_robin'",
+                "'morton'",
+                "1",
+                "true",
+                "1979-05-27",
+                "{}",
+                "[]",
+                "''",
+                "1_0",
+            ])
+            .prop_map(str::to_owned),
+            any::<i64>().prop_map(|number| number.to_string()),
+            any::<f64>().prop_map(|number| format!("{number:?}").to_lowercase()),
+            any::<String>(),
+        ];
+        (key, value).prop_map(|(key, value)| format!("{key} = {value}\n"))
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = read(&bytes);
+        }
+
+        #[test]
+        fn what_is_accepted_is_written_as_it_was_read(lines in proptest::collection::vec(line(), 0..6)) {
+            let text = format!("scene.procedural = 'gears'\n{}", lines.concat());
+            if let Ok(topology) = read(text.as_bytes()) {
+                let written = topology.to_toml().expect("is TOML");
+                prop_assert_eq!(read(written.as_bytes()).expect("reads back"), topology);
+            }
         }
     }
 }

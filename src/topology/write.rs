@@ -123,3 +123,62 @@ fn point(point: DVec3) -> [Coordinate; 3] {
 fn colour(colour: DVec3) -> [Channel; 3] {
     colour.to_array().map(Channel)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::PathBuf;
+
+    use super::*;
+
+    fn read_text(text: &str) -> Topology {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("topology.toml");
+        fs::write(&path, text).expect("a file");
+        Topology::read(&path, &[]).unwrap_or_else(|error| panic!("{error}\n{text}"))
+    }
+
+    /// Every key, and none with its default: what a writer forgets is not there when it is read again.
+    const UNUSUAL: &str = "\
+        topology.name = 'unusual ü'\n\
+        scene = { file = '/scenes/a.obj', background = [0.1, 0.2, 1e-9] }\n\
+        camera = { from = [1e9, -2.5, 0.1], at = [1, 2, 3], up = [0, 0, 1], angle = 33.3 }\n\
+        light = [{ position = [1, 2, 3] }, { position = [4, 5, 6], colour = [0.25, 0, 3] }]\n\
+        image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1 }\n\
+        octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
+        cluster.nodes = 256\n\
+        cluster.local_memory = { size = '1.5 KiB', line = 32, ways = 3, replacement = 'random' }\n\
+        cluster.bus = { arbiter = 'round_robin', quantum = 17 }\n\
+        run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, deadlines = {\n\
+            startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999 } }\n";
+
+    #[test]
+    fn every_key_is_written_as_it_was_read() {
+        let topology = read_text(UNUSUAL);
+        assert_eq!(read_text(&topology.to_toml().expect("is TOML")), topology);
+    }
+
+    #[test]
+    fn the_scenes_path_becomes_absolute() {
+        let mut topology = read_text(UNUSUAL);
+        topology.scene = SceneSource::File(PathBuf::from("scenes/a.obj"));
+        let written = read_text(&topology.to_toml().expect("is TOML"));
+        let here = std::env::current_dir().expect("a working directory");
+        assert_eq!(written.scene, SceneSource::File(here.join("scenes/a.obj")));
+    }
+
+    #[test]
+    fn every_shipped_topology_asks_a_question_and_reads_back() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("topologies");
+        let paths: Vec<PathBuf> =
+            fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
+        assert!(paths.len() >= 4, "{paths:?}");
+        for path in paths {
+            let text = fs::read_to_string(&path).expect("a text");
+            let comment: String = text.lines().take_while(|line| line.starts_with('#')).collect();
+            assert!(comment.contains('?'), "{} begins without a question", path.display());
+            let topology = Topology::read(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(read_text(&topology.to_toml().expect("is TOML")), topology);
+        }
+    }
+}
