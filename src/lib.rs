@@ -6,14 +6,17 @@
 #[cfg(target_endian = "big")]
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
 
+pub mod atomic_file;
 pub mod cli;
 pub mod codec;
 pub mod database;
 pub mod ids;
+pub mod image_file;
 pub mod machine;
 pub mod processes;
 pub mod protocol;
 pub mod recording;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod telemetry;
