@@ -10,21 +10,23 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::overrides::Override;
 use crate::scene::SourceError;
+use crate::scene::source::Source;
 
 /// A span before the end of the text is a place in the file; the i-th after it is the i-th override.
 pub(super) struct Document<'a> {
-    file: &'a Path,
-    text: &'a str,
+    source: &'a Source,
     overrides: &'a [Override],
     root: Spanned<DeValue<'a>>,
 }
 
 impl<'a> Document<'a> {
     /// # Errors
-    /// The text is not TOML, or an override's key leads nowhere.
-    pub(super) fn parse(file: &'a Path, text: &'a str, overrides: &'a [Override]) -> Result<Self, SourceError> {
+    /// The bytes are not TOML, or an override's key leads nowhere.
+    pub(super) fn parse(source: &'a Source, overrides: &'a [Override]) -> Result<Self, SourceError> {
+        let text = std::str::from_utf8(&source.bytes)
+            .map_err(|error| source.error(error.valid_up_to(), "not UTF-8, expected a text file"))?;
         let empty = Spanned::new(0..0, DeValue::Table(DeTable::new()));
-        let mut document = Self { file, text, overrides, root: empty };
+        let mut document = Self { source, overrides, root: empty };
         let table = DeTable::parse(text).map_err(|error| {
             let message = error.message();
             let hint = if message.contains(", expected ") { "" } else { ", expected valid TOML" };
@@ -72,20 +74,20 @@ impl<'a> Document<'a> {
     }
 
     fn override_span(&self, index: usize) -> Range<usize> {
-        let start = self.text.len() + 1 + index;
+        let start = self.source.bytes.len() + 1 + index;
         start..start
     }
 
     fn override_index(&self, span: &Range<usize>) -> Option<usize> {
-        span.start.checked_sub(self.text.len() + 1)
+        span.start.checked_sub(self.source.bytes.len() + 1)
     }
 
     /// The beginning of what stands there.
     fn written(&self, span: Range<usize>) -> String {
         const CHARACTERS_MAX: usize = 40;
         let text = match self.override_index(&span).and_then(|index| self.overrides.get(index)) {
-            Some(one) => one.value(),
-            None => self.text.get(span).unwrap_or_default(),
+            Some(one) => one.value().into(),
+            None => String::from_utf8_lossy(self.source.bytes.get(span).unwrap_or_default()),
         };
         let line = text.lines().next().unwrap_or_default();
         let shown: String = line.chars().take(CHARACTERS_MAX).collect();
@@ -95,21 +97,12 @@ impl<'a> Document<'a> {
     /// Keys may hold anything, also what would make a terminal do strange things.
     fn refuse(&self, span: Option<Range<usize>>, what: String) -> SourceError {
         let what = what.replace(char::is_control, "�");
-        let Some(span) = span else { return SourceError::new(self.file, None, what) };
+        let Some(span) = span else { return SourceError::new(&self.source.file, None, what) };
         match self.override_index(&span).and_then(|index| self.overrides.get(index)) {
             Some(one) => SourceError::new(Path::new(&one.to_string()), None, what),
-            None => SourceError::new(self.file, Some(place(self.text.as_bytes(), span.start)), what),
+            None => self.source.error(span.start, what),
         }
     }
-}
-
-/// Line and column, from 1, columns in characters.
-pub(super) fn place(text: &[u8], offset: usize) -> (u32, u32) {
-    let before = &text[..offset.min(text.len())];
-    let line_start = before.iter().rposition(|&c| c == b'\n').map_or(0, |newline| newline + 1);
-    let line = 1 + before.iter().filter(|&&c| c == b'\n').count();
-    let column = 1 + String::from_utf8_lossy(&before[line_start..]).chars().count();
-    (u32::try_from(line).unwrap_or(u32::MAX), u32::try_from(column).unwrap_or(u32::MAX))
 }
 
 fn remove(root: &mut DeValue<'_>, key: &str) {

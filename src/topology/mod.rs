@@ -6,10 +6,12 @@ mod memory_size;
 pub mod overrides;
 mod prove;
 mod read;
+mod scene_source;
 pub mod schema;
 pub mod value;
 mod write;
 
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -18,6 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use overrides::Override;
+pub use scene_source::parse_kind;
 
 use crate::scene::{Camera, Light, procedural::Procedural};
 use crate::tracer::view::ImageSettings;
@@ -141,6 +144,13 @@ pub enum Replacement {
     Fifo,
     Clock,
     Random,
+}
+
+/// Its name in a topology file.
+impl fmt::Display for Replacement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

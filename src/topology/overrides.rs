@@ -197,8 +197,8 @@ mod tests {
                 "image.tile={ w = [1",
                 "image.tile is { w = [1, expected an integer or [width, height], each from 1 to 65536",
             ),
-            ("camera.at=[0, 0, 9]", "camera.at is where camera.from is, expected another point"),
-            ("camera.from=[0, 0, 0]", "camera.at is where camera.from is, expected another point"),
+            ("camera.at=[0, 0, 9]", "camera: from and at are the same point, expected two"),
+            ("camera.from=[0, 0, 0]", "camera: from and at are the same point, expected two"),
         ];
         for (text, reason) in table {
             let error = read(&[text]).expect_err(text);

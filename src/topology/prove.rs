@@ -7,9 +7,8 @@ use glam::DVec3;
 
 use super::document::Document;
 use super::file::{self, File};
-use super::value::{Channel, Coordinate, ProceduralSize, Quantum, Seconds};
+use super::value::{Channel, Coordinate, Quantum, Seconds};
 use super::{Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Run, SceneSource, Topology};
-use crate::scene::procedural::{Kind, Procedural};
 use crate::scene::{Camera, Light, SourceError};
 use crate::tracer::view::ImageSettings;
 
@@ -85,36 +84,17 @@ fn source(path: &Path, written: &file::Scene, document: &Document<'_>) -> Result
             let folder = path.parent().filter(|_| !document.is_overridden("scene.file"));
             Ok(SceneSource::File(folder.map_or_else(|| PathBuf::from(file), |folder| folder.join(file))))
         }
-        (None, Some(kind)) => procedural(kind, written.size)
-            .map(SceneSource::Procedural)
+        (None, Some(kind)) => SceneSource::procedural(kind, written.size)
             .map_err(|what| document.error(&["scene.size", "scene.procedural"], format!("scene.size: {what}"))),
     }
 }
 
-fn procedural(kind: Kind, size: Option<ProceduralSize>) -> std::result::Result<Procedural, String> {
-    let default = match kind {
-        Kind::Gears => 2,
-        Kind::Teapot => 12,
-        Kind::Balls => 4,
-        Kind::Tetra => 6,
-    };
-    Ok(Procedural { kind, size: size.map_or(default, |size| size.0) })
-}
-
 fn prove_camera(written: &file::Camera, document: &Document<'_>) -> Result<Camera> {
-    /// Sine of the smallest angle between the view and the upward direction.
-    const SINE_MIN: f64 = 1e-6;
     let (from, at, up) = (point(written.from), point(written.at), point(written.up));
-    let Some(view) = (at - from).try_normalize() else {
-        return Err(
-            document.error(&["camera.at", "camera.from"], "camera.at is where camera.from is, expected another point")
-        );
-    };
-    if up.try_normalize().is_none_or(|up| up.cross(view).length() < SINE_MIN) {
-        let what = "camera.up is zero or along the view, expected another direction";
-        return Err(document.error(&["camera.up", "camera.at", "camera.from"], what));
-    }
-    Ok(Camera { from, at, up, angle_degrees: written.angle.0, resolution: None })
+    let camera = Camera { from, at, up, angle_degrees: written.angle.0, resolution: None };
+    let keys = ["camera", "camera.from", "camera.at", "camera.up", "camera.angle"];
+    camera.check().map_err(|what| document.error(&keys, format!("camera: {what}")))?;
+    Ok(camera)
 }
 
 fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {

@@ -1,14 +1,13 @@
 //! From a file's bytes to a [`Topology`].
 
-use std::fs;
-use std::io::Read;
 use std::path::Path;
 
-use super::document::{Document, place};
+use super::document::Document;
 use super::file::{File, Preamble};
 use super::prove::prove;
 use super::{Override, Topology};
 use crate::scene::SourceError;
+use crate::scene::source::Source;
 
 /// Longer files are no topologies.
 const FILE_BYTES_MAX: u64 = 1 << 20;
@@ -19,26 +18,14 @@ impl Topology {
     /// # Errors
     /// What is wrong and what was expected, at its place in the file, or with the override that it is about.
     pub fn read(path: &Path, overrides: &[Override]) -> Result<Self, SourceError> {
-        let unreadable =
-            |error| SourceError::new(path, None, format!("cannot be read ({error}), expected a topology file"));
-        let mut bytes = Vec::new();
-        let file = fs::File::open(path).map_err(unreadable)?;
-        file.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-        Self::from_bytes(path, &bytes, overrides)
+        Self::from_source(&Source::read(path, FILE_BYTES_MAX)?, overrides)
     }
 
-    /// [`Self::read`] for what was read from `path`.
-    fn from_bytes(path: &Path, bytes: &[u8], overrides: &[Override]) -> Result<Self, SourceError> {
-        if bytes.len() as u64 > FILE_BYTES_MAX {
-            return Err(SourceError::new(path, None, "the file is too long, expected a topology of at most 1 MiB"));
-        }
-        let text = std::str::from_utf8(bytes).map_err(|error| {
-            SourceError::new(path, Some(place(bytes, error.valid_up_to())), "not UTF-8, expected a text file")
-        })?;
-        let document = Document::parse(path, text, overrides)?;
+    fn from_source(source: &Source, overrides: &[Override]) -> Result<Self, SourceError> {
+        let document = Document::parse(source, overrides)?;
         document.read::<Preamble>()?;
         let written: File = document.read()?;
-        prove(path, &written, &document)
+        prove(&source.file, &written, &document)
     }
 }
 
@@ -55,7 +42,7 @@ mod tests {
     };
 
     fn read(text: &[u8]) -> Result<Topology, SourceError> {
-        Topology::from_bytes(Path::new("t.toml"), text, &[])
+        Topology::from_source(&Source::from_bytes("t.toml", text), &[])
     }
 
     fn assert_refused(text: &str, place_and_reason: &str) {
@@ -126,17 +113,14 @@ mod tests {
             ("scene.background = [0.1, 0]", "2:20: scene.background is [0.1, 0], expected three numbers"),
             ("scene.background = 'black'", "2:20: scene.background is 'black', expected three numbers"),
             ("[camera]\nat = [0, 0, 0]", "2:1: camera.from is missing, expected a value"),
-            (
-                "[camera]\nfrom = [1, 2, 3]\nat = [1, 2, 3]",
-                "4:6: camera.at is where camera.from is, expected another point",
-            ),
+            ("[camera]\nfrom = [1, 2, 3]\nat = [1, 2, 3]", "2:1: camera: from and at are the same point, expected two"),
             (
                 "[camera]\nfrom = [0, 0, 0]\nat = [0, 2, 0]",
-                "4:6: camera.up is zero or along the view, expected another direction",
+                "2:1: camera: up is along the view direction, expected it to point aside",
             ),
             (
                 "[camera]\nfrom = [0, 0, 9]\nat = [0, 0, 0]\nup = [0, 0, 0]",
-                "5:6: camera.up is zero or along the view, expected another direction",
+                "2:1: camera: up has no direction, expected a vector longer than 0",
             ),
             (
                 "[camera]\nfrom = [0, 0, inf]\nat = [0, 2, 0]",
@@ -271,12 +255,11 @@ mod tests {
     fn files_that_cannot_be_text_are_refused() {
         let error = |bytes: &[u8]| read(bytes).expect_err("no topology").to_string();
         assert_eq!(error(b"# \xc3\xbc\n# \xc3\xbc\xff"), "t.toml:2:4: not UTF-8, expected a text file");
-        let long = vec![b'#'; 1 + FILE_BYTES_MAX as usize];
-        assert_eq!(error(&long), "t.toml: the file is too long, expected a topology of at most 1 MiB");
-        let missing = Topology::read(Path::new("no/such.toml"), &[]).expect_err("no file").to_string();
-        assert!(missing.starts_with("no/such.toml: cannot be read ("), "{missing}");
-        let folder = Topology::read(Path::new("src"), &[]).expect_err("no file").to_string();
-        assert!(folder.starts_with("src: cannot be read ("), "{folder}");
+        let folder = tempfile::tempdir().expect("a folder");
+        let long = folder.path().join("long.toml");
+        std::fs::write(&long, vec![b'#'; 1 + FILE_BYTES_MAX as usize]).expect("a file");
+        let error = Topology::read(&long, &[]).expect_err("too long").what;
+        assert_eq!(error, "1048577 bytes are too many, expected at most 1048576");
     }
 
     #[test]
@@ -329,8 +312,8 @@ mod tests {
 
     #[test]
     fn a_scene_is_found_from_the_topologys_folder() {
-        let path = Path::new("somewhere/t.toml");
-        let topology = Topology::from_bytes(path, b"scene.file = '../a.nff'", &[]).expect("is possible");
+        let source = Source::from_bytes("somewhere/t.toml", b"scene.file = '../a.nff'");
+        let topology = Topology::from_source(&source, &[]).expect("is possible");
         assert_eq!(topology.scene, SceneSource::File("somewhere/../a.nff".into()));
     }
 

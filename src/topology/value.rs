@@ -1,7 +1,8 @@
 //! The values of a topology file: each type reads what its key accepts and refuses all else, saying what
-//! would have been accepted.
+//! would have been accepted. The command line takes the same values in its options.
 
 use std::fmt;
+use std::str::FromStr;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, SeqAccess, Unexpected, Visitor};
@@ -39,6 +40,14 @@ impl Range {
     fn contains(self, value: f64) -> bool {
         let regular = self.kind != Kind::PowerOfTwo || (value as u64).is_power_of_two();
         self.min <= value && value <= self.max && regular
+    }
+
+    fn parse(self, text: &str) -> Result<f64, String> {
+        let number = match self.kind {
+            Kind::Number => text.parse().ok(),
+            Kind::Integer | Kind::PowerOfTwo => text.parse::<i64>().ok().map(|integer| integer as f64),
+        };
+        number.filter(|&number| self.contains(number)).ok_or_else(|| format!("expected {self}"))
     }
 
     fn schema(self) -> Schema {
@@ -104,6 +113,22 @@ macro_rules! quantity {
                 let range: Range = $range;
                 // The range lies within the type's own.
                 deserializer.deserialize_any(range).map(|number| Self(number as $type))
+            }
+        }
+
+        /// For command lines.
+        impl FromStr for $name {
+            type Err = String;
+
+            fn from_str(text: &str) -> Result<Self, String> {
+                let range: Range = $range;
+                range.parse(text).map(|number| Self(number as $type))
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.0.fmt(f)
             }
         }
 
@@ -315,5 +340,29 @@ impl JsonSchema for Size {
             { "type": "string", "pattern": written },
             { "type": "integer", "minimum": 1, "maximum": BYTES_MAX },
         ] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_have_the_ranges_of_the_keys() {
+        assert_eq!("256".parse(), Ok(Nodes(256)));
+        assert_eq!("0.25".parse(), Ok(Cutoff(0.25)));
+        assert_eq!("0".parse::<Nodes>(), Err("expected an integer from 1 to 256".to_owned()));
+        assert_eq!("2.0".parse::<Nodes>(), Err("expected an integer from 1 to 256".to_owned()));
+        assert_eq!("48".parse::<Line>(), Err("expected a power of two from 16 to 256".to_owned()));
+        for text in ["", "x", "nan", "inf", "-0.1", "1e999"] {
+            assert_eq!(text.parse::<Cutoff>(), Err("expected a number from 0 to 1".to_owned()));
+        }
+    }
+
+    #[test]
+    fn the_largest_seed_is_exact() {
+        assert_eq!("9007199254740991".parse(), Ok(Seed((1 << 53) - 1)));
+        assert!("9007199254740992".parse::<Seed>().is_err());
+        assert!("9007199254740993".parse::<Seed>().is_err());
     }
 }
