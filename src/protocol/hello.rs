@@ -57,7 +57,14 @@ impl fmt::Debug for RunToken {
     }
 }
 
-/// Sent by the side that dialled.
+/// How every hello of every version begins, so that a peer of another version can be told which it is.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct HelloPrelude {
+    pub magic: [u8; 8],
+    pub version: u32,
+}
+
+/// Sent by the side that dialled. Begins with a [`HelloPrelude`].
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Hello {
     pub magic: [u8; 8],

@@ -1,0 +1,1 @@
+//! The bus process: cluster memory, arbitration, and the log of both.

@@ -1,0 +1,1 @@
+//! A processing node: local memory and tracer.
