@@ -40,4 +40,16 @@ impl Database {
     pub fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.words)
     }
+
+    /// The records of a section, of the type that [`records`] names for it.
+    ///
+    /// # Panics
+    /// The image is shorter than its layout says ([`verify::Verified`] has checked it), or `T` is another
+    /// section's type.
+    pub fn records<T: bytemuck::Pod>(&self, section: Section) -> &[T] {
+        assert_eq!(size_of::<T>() as u64, section.record_bytes(), "record type of {section:?}");
+        let first = (self.header.layout.span(section).base.0 / 4) as usize;
+        let words = (self.header.layout.section_bytes(section) / 4) as usize;
+        bytemuck::cast_slice(&self.words[first..first + words])
+    }
 }

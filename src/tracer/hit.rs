@@ -1,1 +1,84 @@
-//! To come.
+//! The nearest hit of a ray, and the point of the surface that it is on.
+
+use glam::DVec3;
+
+use super::primitives::cone;
+use super::ray::{Ray, Source};
+use crate::database::records::{Cone, PrimitiveId, Sphere, Triangle};
+
+/// A hit: the minimum over all primitives of (t, id), whatever the octree.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    /// Along the ray's direction, normalised units.
+    pub t: f32,
+    pub primitive: PrimitiveId,
+    pub on: HitOn,
+}
+
+/// The primitive as it was read, and where on it the hit is.
+#[derive(Clone, Copy, Debug)]
+pub enum HitOn {
+    Triangle {
+        triangle: Triangle,
+        /// Weights of the vertices; they sum to 1.
+        barycentrics: [f64; 3],
+    },
+    Sphere {
+        sphere: Sphere,
+        t: f64,
+    },
+    Cone {
+        cone: Cone,
+        t: f64,
+    },
+}
+
+/// A point on a surface, normalised coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    pub position: DVec3,
+    /// Unit, outward: by the winding of a polygon, away from the inside of a sphere or cone.
+    pub normal: DVec3,
+    pub source: Source,
+}
+
+impl Hit {
+    /// Whether this one counts rather than `other`.
+    #[inline(always)]
+    pub fn is_nearer(t: f32, primitive: PrimitiveId, other: Option<&Hit>) -> bool {
+        other.is_none_or(|o| t < o.t || (t == o.t && primitive < o.primitive))
+    }
+
+    /// Where the hit is, in f64: from barycentrics, or on the sphere's or cone's own surface.
+    pub fn surface_point(&self, ray: &Ray) -> SurfacePoint {
+        let along = |t: f64| ray.origin_f64() + ray.direction_f64() * t;
+        match &self.on {
+            HitOn::Triangle { triangle, barycentrics } => {
+                let [a, b, c] = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)));
+                let [u, v, w] = *barycentrics;
+                SurfacePoint {
+                    position: a * u + b * v + c * w,
+                    normal: (b - a).cross(c - a).normalize_or_zero(),
+                    source: Source::Polygon(triangle.polygon()),
+                }
+            }
+            HitOn::Sphere { sphere, t } => {
+                let centre = DVec3::from(sphere.centre.map(f64::from));
+                let normal = (along(*t) - centre).normalize_or_zero();
+                SurfacePoint {
+                    position: centre + normal * f64::from(sphere.radius.abs()),
+                    normal,
+                    source: Source::Curved(self.primitive.0),
+                }
+            }
+            HitOn::Cone { cone, t } => {
+                let position = along(*t);
+                SurfacePoint {
+                    position,
+                    normal: cone::normal(cone, position),
+                    source: Source::Curved(self.primitive.0),
+                }
+            }
+        }
+    }
+}

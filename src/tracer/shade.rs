@@ -1,1 +1,202 @@
-//! To come.
+//! Whitted's illumination (T. Whitted, *An improved illumination model for shaded display*, 1980) with NFF's
+//! local terms: diffuse and Phong highlight of every light that is not shadowed, a reflected ray, a refracted
+//! ray. A surface's radiance is summed in this order, so that its bits do not depend on when rays are traced.
+
+use glam::{DVec3, Vec3};
+
+use super::hit::{Hit, HitOn, SurfacePoint};
+use super::memory_port::{MemoryPort, RayKind};
+use super::octree::hero::Hero;
+use super::ray::Ray;
+use super::stats::TraceStats;
+use super::view::View;
+use crate::database::Header;
+use crate::database::records::{Material, PrimitiveId, Surface};
+
+/// Shades what rays hit, and casts the rays for it.
+pub struct Shader {
+    hero: Hero,
+    /// Normalised position, linear RGB.
+    lights: Vec<(DVec3, Vec3)>,
+    background: Vec3,
+    depth: u32,
+    cutoff: f32,
+}
+
+/// What a primary ray brought.
+pub struct Seen {
+    /// Linear RGB.
+    pub radiance: Vec3,
+    pub first: Option<(PrimitiveId, SurfacePoint)>,
+}
+
+/// A ray's place in its pixel's tree.
+#[derive(Clone, Copy)]
+struct Ancestry {
+    /// Reflections and refractions so far.
+    bounces: u32,
+    /// Share of the pixel that this ray decides, in the strongest channel.
+    weight: f32,
+}
+
+impl Shader {
+    pub fn new(header: &Header, view: &View, mailbox: bool) -> Self {
+        let light = |l: &crate::scene::Light| (header.normalisation.point(l.position), l.colour.as_vec3());
+        Self {
+            hero: Hero::new(header, mailbox),
+            lights: view.lights.iter().map(light).collect(),
+            background: view.background.as_vec3(),
+            depth: view.image.depth,
+            cutoff: view.image.cutoff,
+        }
+    }
+
+    /// Traces a primary ray: normalised origin anywhere, unit direction.
+    ///
+    /// # Errors
+    /// The port's.
+    pub fn primary<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        eye: DVec3,
+        direction: DVec3,
+        stats: &mut TraceStats,
+    ) -> Result<Seen, M::Error> {
+        stats.rays[RayKind::Primary as usize] += 1;
+        port.set_ray_kind(RayKind::Primary);
+        let missed = Seen { radiance: self.background, first: None };
+        let Some((ray, _)) = Ray::from_eye(eye, direction) else { return Ok(missed) };
+        let Some(hit) = self.hero.nearest(port, &ray, stats)? else { return Ok(missed) };
+        let point = hit.surface_point(&ray);
+        let ancestry = Ancestry { bounces: 0, weight: 1.0 };
+        let radiance = self.shade(port, &ray, &hit, &point, ancestry, stats)?;
+        Ok(Seen { radiance, first: Some((hit.primitive, point)) })
+    }
+
+    fn secondary<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        kind: RayKind,
+        ray: &Ray,
+        ancestry: Ancestry,
+        stats: &mut TraceStats,
+    ) -> Result<Vec3, M::Error> {
+        stats.rays[kind as usize] += 1;
+        port.set_ray_kind(kind);
+        match self.hero.nearest(port, ray, stats)? {
+            None => Ok(self.background),
+            Some(hit) => self.shade(port, ray, &hit, &hit.surface_point(ray), ancestry, stats),
+        }
+    }
+
+    fn shade<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        ray: &Ray,
+        hit: &Hit,
+        point: &SurfacePoint,
+        ancestry: Ancestry,
+        stats: &mut TraceStats,
+    ) -> Result<Vec3, M::Error> {
+        let surface = port.surface(hit.primitive.0)?;
+        let material = port.material(surface.material)?;
+        let incoming = ray.direction_f64();
+        let normal = facing(shading_normal(port, hit, point, surface)?, incoming);
+        let mirrored = incoming - normal * (2.0 * incoming.dot(normal));
+        let mut radiance = self.local(port, point, normal, mirrored, &material, stats)?;
+        if ancestry.bounces == self.depth {
+            return Ok(radiance);
+        }
+        let mut reflection = Vec3::from(material.reflection);
+        let refracted = refract(&material, point.normal, normal, incoming);
+        if material.transmittance > 0.0 && refracted.is_none() {
+            // Total internal reflection: what cannot leave is reflected.
+            reflection += material.transmittance;
+        }
+        let rays = [
+            (RayKind::Reflection, reflection, Some(mirrored)),
+            (RayKind::Refraction, Vec3::splat(material.transmittance), refracted),
+        ];
+        for (kind, share, direction) in rays {
+            let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight: ancestry.weight * share.max_element() };
+            if let Some(direction) = direction
+                && ancestry.weight > self.cutoff
+            {
+                let direction = direction.normalize();
+                let ray = Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
+                radiance += share * self.secondary(port, kind, &ray, ancestry, stats)?;
+            }
+        }
+        Ok(radiance)
+    }
+
+    /// Light that comes straight from the lights on the viewer's side of the surface.
+    fn local<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        point: &SurfacePoint,
+        normal: DVec3,
+        mirrored: DVec3,
+        material: &Material,
+        stats: &mut TraceStats,
+    ) -> Result<Vec3, M::Error> {
+        let mut radiance = Vec3::ZERO;
+        for light in 0..self.lights.len() {
+            let (position, colour) = self.lights[light];
+            let to_light = position - point.position;
+            let distance = to_light.length();
+            let direction = to_light / distance;
+            let cosine = normal.dot(direction);
+            // False for NaN too: a light on the very point of the surface does not light it.
+            if !(cosine > 0.0) {
+                continue;
+            }
+            stats.rays[RayKind::Shadow as usize] += 1;
+            port.set_ray_kind(RayKind::Shadow);
+            let ray = Ray::leaving(point.position, point.normal, direction, distance as f32, point.source);
+            if !self.hero.occluded(port, &ray, stats)? {
+                let diffuse = Vec3::from(material.diffuse) * cosine as f32;
+                radiance += colour * (diffuse + highlight(material, mirrored.dot(direction) as f32));
+            }
+        }
+        Ok(radiance)
+    }
+}
+
+/// Phong's highlight, for the cosine between the mirrored view and the light.
+fn highlight(material: &Material, cosine: f32) -> Vec3 {
+    let strength = Vec3::from(material.highlight);
+    if cosine > 0.0 && strength != Vec3::ZERO { strength * libm::powf(cosine, material.shine) } else { Vec3::ZERO }
+}
+
+/// Turned to the side that the ray comes from.
+fn facing(normal: DVec3, incoming: DVec3) -> DVec3 {
+    if incoming.dot(normal) > 0.0 { -normal } else { normal }
+}
+
+fn shading_normal<M: MemoryPort>(
+    port: &mut M,
+    hit: &Hit,
+    point: &SurfacePoint,
+    surface: Surface,
+) -> Result<DVec3, M::Error> {
+    let HitOn::Triangle { barycentrics: [u, v, w], .. } = hit.on else { return Ok(point.normal) };
+    if surface.normals == Surface::FLAT {
+        return Ok(point.normal);
+    }
+    let [a, b, c] = port.normals(surface.normals)?.0.map(|n| DVec3::from(n.map(f64::from)));
+    Ok((a * u + b * v + c * w).try_normalize().unwrap_or(point.normal))
+}
+
+/// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
+/// by the geometric normal, which points outward.
+fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
+    if !(material.transmittance > 0.0) {
+        return None;
+    }
+    let ior = f64::from(material.ior);
+    let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
+    let cosine = -incoming.dot(normal);
+    let k = 1.0 - eta * eta * (1.0 - cosine * cosine);
+    (k >= 0.0).then(|| incoming * eta + normal * (eta * cosine - k.sqrt()))
+}

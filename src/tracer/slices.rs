@@ -1,1 +1,72 @@
-//! To come.
+//! The whole database in this process's own memory: reads are plain loads, nothing is counted.
+
+use std::convert::Infallible;
+
+use super::memory_port::{MemoryPort, RayKind};
+use crate::database::Section;
+use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use crate::database::verify::Verified;
+
+/// A view of a verified database; indices that come from its own records are in range.
+#[derive(Clone, Copy, Debug)]
+pub struct Slices<'a> {
+    octree: &'a [OctreeWord],
+    leaf_lists: &'a [LeafEntry],
+    triangles: &'a [Triangle],
+    spheres: &'a [Sphere],
+    cones: &'a [Cone],
+    surfaces: &'a [Surface],
+    normals: &'a [Normals],
+    materials: &'a [Material],
+}
+
+impl<'a> Slices<'a> {
+    pub fn new(verified: &'a Verified) -> Self {
+        let database = verified.database();
+        Self {
+            octree: database.records(Section::OctreeNodes),
+            leaf_lists: database.records(Section::LeafLists),
+            triangles: database.records(Section::Triangles),
+            spheres: database.records(Section::Spheres),
+            cones: database.records(Section::Cones),
+            surfaces: database.records(Section::Surfaces),
+            normals: database.records(Section::Normals),
+            materials: database.records(Section::Materials),
+        }
+    }
+}
+
+macro_rules! plain_read {
+    ($($read:ident: $section:ident -> $record:ty),* $(,)?) => {$(
+        #[inline(always)]
+        fn $read(&mut self, index: u32) -> Result<$record, Infallible> {
+            Ok(self.$section[index as usize])
+        }
+    )*};
+}
+
+impl MemoryPort for Slices<'_> {
+    type Error = Infallible;
+
+    #[inline(always)]
+    fn set_ray_kind(&mut self, _kind: RayKind) {}
+
+    #[inline(always)]
+    fn octree_node(&mut self, index: u32, _level: u32) -> Result<OctreeWord, Infallible> {
+        Ok(self.octree[index as usize])
+    }
+
+    plain_read! {
+        leaf_entry: leaf_lists -> LeafEntry,
+        triangle: triangles -> Triangle,
+        sphere: spheres -> Sphere,
+        cone: cones -> Cone,
+        surface: surfaces -> Surface,
+        normals: normals -> Normals,
+        material: materials -> Material,
+    }
+
+    fn corrupt(&mut self, what: &'static str) -> Infallible {
+        unreachable!("a verified database is sound, but: {what}")
+    }
+}

@@ -1,7 +1,14 @@
 //! A tile: the unit of work. Its pixels, and what it takes to trace them.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::memory_port::MemoryPort;
+use super::primary::PrimaryRays;
+use super::shade::Shader;
+use super::stats::TraceStats;
+use super::view::View;
+use crate::database::Header;
 use crate::ids::TileId;
 
 /// Pixels of the image, row 0 on top.
@@ -115,6 +122,65 @@ impl Pixels {
     }
 }
 
-/// To come.
-#[derive(Debug)]
-pub struct TileTracer {}
+/// Traces tiles of one view, with any memory behind.
+pub struct TileTracer {
+    camera: PrimaryRays,
+    shader: Shader,
+}
+
+impl TileTracer {
+    /// `mailbox` changes how often a primitive is tested, never the image.
+    pub fn new(header: &Header, view: &View, mailbox: bool) -> Self {
+        Self { camera: PrimaryRays::new(header, view), shader: Shader::new(header, view, mailbox) }
+    }
+
+    /// Traces the pixels of `rect`, row by row.
+    ///
+    /// # Errors
+    /// The port's: the tile is lost, the tracer is not.
+    pub fn trace<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        rect: Rect,
+        aov: AovSet,
+    ) -> Result<(Pixels, TraceStats), M::Error> {
+        let mut pixels = Pixels::default();
+        pixels.colour.reserve_exact(rect.pixel_count());
+        let mut stats = TraceStats::default();
+        for y in rect.y..rect.y + rect.height {
+            for x in rect.x..rect.x + rect.width {
+                self.pixel(port, x, y, aov, &mut pixels, &mut stats)?;
+            }
+        }
+        Ok((pixels, stats))
+    }
+
+    fn pixel<M: MemoryPort>(
+        &mut self,
+        port: &mut M,
+        x: u32,
+        y: u32,
+        aov: AovSet,
+        pixels: &mut Pixels,
+        stats: &mut TraceStats,
+    ) -> Result<(), M::Error> {
+        let direction = self.camera.direction(x, y);
+        let seen = self.shader.primary(port, self.camera.eye, direction, stats)?;
+        let finite = seen.radiance.is_finite();
+        stats.non_finite_pixels += u64::from(!finite);
+        pixels.colour.push(if finite { seen.radiance.to_array() } else { [0.0; 3] });
+        if aov.depth {
+            let along = |position: DVec3| self.camera.world_length((position - self.camera.eye).dot(direction)) as f32;
+            pixels.depth.push(seen.first.map_or(-1.0, |(_, point)| along(point.position)));
+        }
+        if aov.normal {
+            let to_eye = |normal: DVec3| if normal.dot(direction) > 0.0 { -normal } else { normal };
+            let normal = seen.first.map_or(DVec3::ZERO, |(_, point)| to_eye(point.normal));
+            pixels.normal.push(normal.as_vec3().to_array());
+        }
+        if aov.primitive {
+            pixels.primitive.push(seen.first.map_or(-1, |(primitive, _)| primitive.0 as i32));
+        }
+        Ok(())
+    }
+}

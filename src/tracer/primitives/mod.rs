@@ -1,1 +1,6 @@
-//! To come.
+//! Ray and primitive intersection: one function a kind, in f64 over the f32 records, so that `t` does not
+//! depend on who asks. No fused multiply-add anywhere.
+
+pub mod cone;
+pub mod sphere;
+pub mod triangle;

@@ -1,0 +1,158 @@
+//! Which of a cell's eight children a primitive reaches into.
+//!
+//! In f64, with closed comparisons and cells padded outward, so that a primitive in a face is listed on both
+//! sides of it, and so that whatever cell HERO thinks a hit lies in, the primitive is listed there.
+
+use glam::DVec3;
+
+use crate::database::records::{Cone, Sphere, Triangle};
+
+/// How far a cell is padded, in normalised units. HERO's planes are off by at most 2·(3 + depth)·2⁻²⁴: three
+/// roundings of a root plane, one more a level, each relative to a distance of at most 2. For depth 20 that is
+/// 2.8e-6; this is 3.8e-6.
+pub const PADDING: f64 = 1.0 / (1 << 18) as f64;
+
+/// A cubic cell of the octree.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    pub centre: DVec3,
+    /// Half the length of an edge, without padding.
+    pub half: f64,
+}
+
+impl Cell {
+    pub const ROOT: Self = Self { centre: DVec3::ZERO, half: 1.0 };
+
+    pub fn child(self, octant: usize) -> Self {
+        let half = self.half / 2.0;
+        let side = |axis: usize| if octant >> axis & 1 == 1 { half } else { -half };
+        Self { centre: self.centre + DVec3::new(side(0), side(1), side(2)), half }
+    }
+}
+
+/// A primitive, prepared to be asked often.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    pub lo: DVec3,
+    pub hi: DVec3,
+}
+
+impl Bounds {
+    pub fn of_triangle(triangle: &Triangle) -> Self {
+        let [a, b, c] = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)));
+        Self { lo: a.min(b).min(c), hi: a.max(b).max(c) }
+    }
+
+    pub fn of_sphere(sphere: &Sphere) -> Self {
+        let centre = DVec3::from(sphere.centre.map(f64::from));
+        let radius = f64::from(sphere.radius.abs());
+        Self { lo: centre - radius, hi: centre + radius }
+    }
+
+    pub fn of_cone(cone: &Cone) -> Self {
+        let (base, apex) = (DVec3::from(cone.base.map(f64::from)), DVec3::from(cone.apex.map(f64::from)));
+        let axis = (apex - base).normalize_or_zero();
+        let reach = (DVec3::ONE - axis * axis).max(DVec3::ZERO).map(f64::sqrt);
+        let (r0, r1) = (reach * f64::from(cone.base_radius.abs()), reach * f64::from(cone.apex_radius.abs()));
+        Self { lo: (base - r0).min(apex - r1), hi: (base + r0).max(apex + r1) }
+    }
+
+    /// Bit o: the box reaches into octant o of the cell. The parent is taken to be reached.
+    pub fn octants(&self, cell: Cell) -> u8 {
+        // Octants with bit `axis` clear, and set.
+        const LOWER: [u8; 3] = [0b0101_0101, 0b0011_0011, 0b0000_1111];
+        let mut mask = 0xff;
+        for (axis, lower) in LOWER.into_iter().enumerate() {
+            let mut reached = 0;
+            if self.lo[axis] <= cell.centre[axis] + PADDING {
+                reached |= lower;
+            }
+            if self.hi[axis] >= cell.centre[axis] - PADDING {
+                reached |= !lower;
+            }
+            mask &= reached;
+        }
+        mask
+    }
+}
+
+/// Keeps of `candidates` the octants that the triangle itself reaches into: separating axes are the triangle's
+/// normal and the cross products of its edges with the cell's, the latter as edge functions of the three
+/// projections (M. Schwarz, H.-P. Seidel, *Fast Parallel Surface and Solid Voxelization*, 2010). An axis that
+/// is zero never separates.
+pub fn triangle_octants(triangle: &Triangle, cell: Cell, candidates: u8) -> u8 {
+    let half = cell.half / 2.0;
+    let reach = half + PADDING;
+    let vertices = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)) - cell.centre);
+    let edges = [vertices[1] - vertices[0], vertices[2] - vertices[1], vertices[0] - vertices[2]];
+    let normal = edges[0].cross(edges[1]);
+    let plane = normal.dot(vertices[0]);
+    let plane_reach = reach * (normal.x.abs() + normal.y.abs() + normal.z.abs());
+    // Half of the octant centres' coordinate sums: a linear function at octant o is Σ ±half·coefficient.
+    let side = |octant: usize, axis: usize| if octant >> axis & 1 == 1 { half } else { -half };
+    let mut mask = candidates;
+    let mut separate = |value: &dyn Fn(usize) -> bool| {
+        for octant in 0..8 {
+            if mask >> octant & 1 == 1 && value(octant) {
+                mask &= !(1 << octant);
+            }
+        }
+    };
+    separate(&|o| {
+        let at = normal.x * side(o, 0) + normal.y * side(o, 1) + normal.z * side(o, 2);
+        (at - plane).abs() > plane_reach
+    });
+    for (x, y, z) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        // Inward edge normals of the projection along z.
+        let sign = if normal[z] < 0.0 { -1.0 } else { 1.0 };
+        for i in 0..3 {
+            let (nx, ny) = (-edges[i][y] * sign, edges[i][x] * sign);
+            let offset = nx * vertices[i][x] + ny * vertices[i][y];
+            let third = &vertices[(i + 2) % 3];
+            let inner = nx * third[x] + ny * third[y];
+            let edge_reach = reach * (nx.abs() + ny.abs());
+            let (lo, hi) = if inner < offset { (inner, offset) } else { (offset, inner) };
+            separate(&|o| {
+                let at = nx * side(o, x) + ny * side(o, y);
+                at + edge_reach < lo || at - edge_reach > hi
+            });
+        }
+    }
+    mask
+}
+
+/// Keeps the octants that the sphere's surface passes through: not those wholly outside or inside.
+pub fn sphere_octants(sphere: &Sphere, cell: Cell, candidates: u8) -> u8 {
+    let centre = DVec3::from(sphere.centre.map(f64::from));
+    let radius = f64::from(sphere.radius.abs());
+    keep(candidates, |octant| {
+        let child = cell.child(octant);
+        let distance = (centre - child.centre).abs();
+        let nearest = (distance - child.half - PADDING).max(DVec3::ZERO);
+        let farthest = distance + child.half + PADDING;
+        nearest.length() <= radius + PADDING && farthest.length() >= radius - PADDING
+    })
+}
+
+/// Keeps the octants near the cone: by its height along the axis and by the capsule around it.
+pub fn cone_octants(cone: &Cone, cell: Cell, candidates: u8) -> u8 {
+    let (base, apex) = (DVec3::from(cone.base.map(f64::from)), DVec3::from(cone.apex.map(f64::from)));
+    let height = (apex - base).length();
+    let axis = (apex - base).normalize_or_zero();
+    let radius = f64::from(cone.base_radius.abs().max(cone.apex_radius.abs()));
+    keep(candidates, |octant| {
+        let child = cell.child(octant);
+        let reach = child.half + PADDING;
+        let from_base = child.centre - base;
+        let along = from_base.dot(axis);
+        let reach_along = reach * axis.abs().element_sum();
+        let from_axis = (from_base - axis * along.clamp(0.0, height)).length();
+        along + reach_along >= 0.0
+            && along - reach_along <= height
+            && from_axis <= radius + reach * 3f64.sqrt() + PADDING
+    })
+}
+
+fn keep(candidates: u8, reaches: impl Fn(usize) -> bool) -> u8 {
+    (0..8).filter(|&o| candidates >> o & 1 == 1 && reaches(o)).fold(0, |mask, o| mask | 1 << o)
+}
