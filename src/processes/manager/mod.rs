@@ -1,18 +1,14 @@
 //! stub
+mod ending;
 mod job_queue;
+mod ledger;
+mod plan;
+mod process;
+mod process_table;
+mod state;
 mod tile_order;
+
 #[cfg(test)]
-mod sample {
-    use std::time::Duration;
-
-    use crate::topology::{Assignment, Deadlines, Run, TileOrder};
-
-    pub(super) fn run() -> Run {
-        let deadlines = Deadlines {
-            startup: Duration::from_secs(10),
-            heartbeat: Duration::from_secs(5),
-            tile: Duration::from_secs(60),
-        };
-        Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, deadlines }
-    }
-}
+mod sample;
+#[cfg(test)]
+mod state_tests;
