@@ -189,3 +189,122 @@ pub fn first_frame(received: &[u8], bytes_max: usize) -> Result<Option<&[u8]>, C
     let bytes = frame_bytes(received, bytes_max)?;
     Ok(bytes.and_then(|bytes| received.get(PREFIX_BYTES..PREFIX_BYTES + bytes)))
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::ids::{Address, Attempt, Epoch, NodeId, TileId};
+    use crate::machine::stats::MemoryStats;
+    use crate::protocol::control::LostAttempt;
+    use crate::protocol::hello::{Role, RunToken};
+    use crate::protocol::work::TileDone;
+    use crate::tracer::TraceStats;
+
+    fn fetch() -> MemoryRequest {
+        MemoryRequest::Fetch {
+            tile: TileId(7),
+            attempt: Attempt(1),
+            section: crate::database::Section::Triangles,
+            address: Address(0x1_0000),
+            line_bytes: 256,
+            lines: u32::MAX,
+            accesses_before: u64::MAX,
+        }
+    }
+
+    fn tile_done() -> TileDone {
+        let mut memory = MemoryStats::default();
+        for (i, counters) in memory.counters.as_flattened_mut().iter_mut().enumerate() {
+            counters.line_accesses = u64::MAX - i as u64;
+        }
+        let trace = TraceStats { primitive_tests: u64::MAX, ..TraceStats::default() };
+        TileDone { tile: TileId(1), attempt: Attempt(2), trace, memory: Some(memory), render_cpu_nanoseconds: 3 }
+    }
+
+    #[track_caller]
+    fn round_trip<M: Message + PartialEq + std::fmt::Debug>(message: M, bulk: &[u8]) {
+        let bytes = encode(&message, bulk).expect("within its limits");
+        let frame = first_frame(&bytes, frame_bytes_max::<M>()).expect("not too long").expect("whole");
+        assert_eq!(frame.len() + PREFIX_BYTES, bytes.len());
+        assert_eq!(decode::<M>(frame), Ok((message, bulk)));
+        for cut in 0..bytes.len() {
+            assert_eq!(first_frame(&bytes[..cut], frame_bytes_max::<M>()), Ok(None), "{cut} bytes are no whole frame");
+        }
+    }
+
+    #[test]
+    fn messages_come_back_with_their_bulk_bytes() {
+        round_trip(Hello::new(Role::Node(NodeId(3)), Epoch(1), RunToken::new([9; 32])), &[]);
+        round_trip(HelloReply::Refused("expected another".to_owned()), &[]);
+        round_trip(fetch(), &[]);
+        round_trip(MemoryRequest::Store { address: Address(256) }, &[1, 2, 3]);
+        round_trip(MemoryReply::Data { bytes: 3 }, &[1, 2, 3]);
+        round_trip(TilePixels { tile: TileId(1), attempt: Attempt(0), crc32c: 7 }, &[5; 300]);
+        round_trip(WorkRequest::Done(Box::new(tile_done())), &[]);
+        let lost = LostAttempt { node: NodeId(1), tile: TileId(2), attempt: Attempt(3) };
+        round_trip(BusCommand::Finish { lost: vec![lost; 1000] }, &[]);
+    }
+
+    #[test]
+    fn several_frames_are_appended_to_one_buffer() {
+        let mut out = vec![0xAA];
+        encode_into(&fetch(), &mut out, |_| ()).expect("short");
+        let first = out.len();
+        encode_into(&MemoryRequest::Store { address: Address(0) }, &mut out, |out| out.push(1)).expect("short");
+        let frame = first_frame(&out[1..], 1000).expect("not too long").expect("whole");
+        assert_eq!(decode(frame), Ok((fetch(), &[][..])));
+        let frame = first_frame(&out[first..], 1000).expect("not too long").expect("whole");
+        assert_eq!(decode(frame), Ok((MemoryRequest::Store { address: Address(0) }, &[1][..])));
+    }
+
+    #[test]
+    fn a_frame_that_claims_4_gib_is_refused_by_its_first_four_bytes() {
+        let expected = CodecError::FrameTooLong { bytes: u32::MAX as usize, bytes_max: HELLO_BYTES_MAX };
+        assert_eq!(frame_bytes(&[0xff; 4], HELLO_BYTES_MAX), Err(expected));
+    }
+
+    #[test]
+    fn a_length_inside_of_a_message_is_not_believed() {
+        // A refusal of 2^40 bytes, then of one byte more than there may be: neither is allocated.
+        for claimed in [1u64 << 40, HELLO_BYTES_MAX as u64] {
+            let frame = [&1u32.to_le_bytes()[..], &claimed.to_le_bytes(), b"short"].concat();
+            let error = decode::<HelloReply>(&frame).expect_err("a claim");
+            assert!(matches!(error, CodecError::Malformed { name: "HelloReply", .. }), "{error}");
+        }
+        // Two thousand million lost attempts in a frame that ends after the first.
+        let frame = [&1u32.to_le_bytes()[..], &(2u64 << 30).to_le_bytes(), &[0; 10]].concat();
+        assert!(decode::<BusCommand>(&frame).is_err());
+    }
+
+    #[test]
+    fn bytes_behind_a_message_are_bulk_or_an_error() {
+        let frame = &encode(&WorkRequest::Ready, &[]).expect("short")[PREFIX_BYTES..];
+        let longer = [frame, &[0]].concat();
+        let expected = CodecError::UnexpectedBulk { name: "WorkRequest", bytes: 1, bytes_max: 0 };
+        assert_eq!(decode::<WorkRequest>(&longer), Err(expected.clone()));
+        assert_eq!(encode(&WorkRequest::Ready, &[0]), Err(expected));
+    }
+
+    #[test]
+    fn what_is_too_long_is_not_sent_and_leaves_no_trace() {
+        let long = HelloReply::Refused("x".repeat(HELLO_BYTES_MAX));
+        let mut out = vec![1, 2];
+        let error = encode_into(&long, &mut out, |_| ()).expect_err("too long");
+        assert!(matches!(error, CodecError::MessageTooLong { name: "HelloReply", bytes_max: HELLO_BYTES_MAX, .. }));
+        assert_eq!(out, [1, 2]);
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_decodes_to_an_error_or_a_message_but_never_panics(frame in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = decode::<Hello>(&frame);
+            let _ = decode::<MemoryRequest>(&frame);
+            let _ = decode::<NodeCommand>(&frame);
+            let _ = decode::<MasterReport>(&frame);
+            let _ = decode::<TilePixels>(&frame);
+            let _ = first_frame(&frame, 100);
+        }
+    }
+}

@@ -236,3 +236,149 @@ impl Bus {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+
+    use super::*;
+    use crate::database::Section;
+    use crate::machine::arbiter::{Fifo, FixedPriority};
+    use crate::machine::transaction::{FetchRequest, Kind};
+
+    const N0: Initiator = Initiator::Node(NodeId(0));
+    const N7: Initiator = Initiator::Node(NodeId(7));
+
+    fn bus(arbiter: impl Arbiter + 'static) -> Bus {
+        Bus::new(ClusterId(2), Epoch(1), Box::new(arbiter))
+    }
+
+    const FETCH: FetchRequest = FetchRequest {
+        section: Section::Triangles,
+        address: Address(512),
+        line_bytes: 64,
+        lines: 0b101,
+        accesses_before: 30,
+    };
+
+    fn fetch(tile: u32) -> Request {
+        Request::Fetch { tile: TileId(tile), attempt: Attempt(0), fetch: FETCH }
+    }
+
+    #[test]
+    fn a_transaction_holds_the_bus_until_it_completes() {
+        let mut bus = bus(Fifo);
+        bus.request(N7, fetch(5), 100).expect("room");
+        bus.request(N0, fetch(6), 110).expect("room");
+        let first = bus.grant(120).expect("waiting");
+        assert_eq!(first.initiator, N7);
+        assert!(bus.grant(125).is_none(), "held");
+        let row = bus.complete(first, &[9; 128], 130);
+        let expected = Transaction {
+            sequence: 0,
+            epoch: Epoch(1),
+            cluster: ClusterId(2),
+            kind: Kind::Fetch,
+            node: Some(NodeId(7)),
+            tile: Some(TileId(5)),
+            attempt: Some(Attempt(0)),
+            section: Some(Section::Triangles),
+            address: Some(Address(512)),
+            bytes: 128,
+            lines: Some(0b101),
+            crc32c: Some(crc32c::crc32c(&[9; 128])),
+            accesses_before: Some(30),
+            request_nanoseconds: 100,
+            grant_nanoseconds: 120,
+            completion_nanoseconds: 130,
+        };
+        assert_eq!(row, expected);
+        let second = bus.grant(131).expect("waiting");
+        let row = bus.complete(second, &[0; 128], 140);
+        assert_eq!((row.sequence, row.node, row.request_nanoseconds), (1, Some(NodeId(0)), 110));
+        assert!(bus.grant(141).is_none(), "nothing waits");
+    }
+
+    #[test]
+    fn a_refused_request_leaves_no_gap() {
+        let mut bus = bus(Fifo);
+        bus.request(N0, Request::Bulk { address: Address(u64::MAX), bytes: 1 }, 0).expect("room");
+        bus.request(N7, Request::Bulk { address: Address(256), bytes: 3 }, 0).expect("room");
+        let refused = bus.grant(1).expect("waiting");
+        bus.refuse(refused);
+        let served = bus.grant(2).expect("waiting");
+        assert_eq!(bus.complete(served, &[1, 2, 3], 3).sequence, 0);
+        assert_eq!(bus.stats(), BusStats { transactions: 1, bulk_bytes: 3, ..BusStats::default() });
+    }
+
+    #[test]
+    fn requests_of_one_initiator_keep_their_order_and_their_limit() {
+        let mut bus = bus(FixedPriority);
+        for tile in 0..PENDING_MAX as u32 {
+            bus.request(N0, fetch(tile), 0).expect("room");
+        }
+        assert_eq!(bus.request(N0, fetch(0), 0), Err(QueueFull { initiator: N0 }));
+        assert_eq!((bus.room(N0), bus.room(N7)), (0, PENDING_MAX));
+        let granted = std::iter::from_fn(|| {
+            let grant = bus.grant(0)?;
+            bus.complete(grant, &[0; 128], 0).tile
+        });
+        assert!(granted.map(|tile| tile.0).eq(0..PENDING_MAX as u32));
+    }
+
+    #[test]
+    fn a_disconnected_initiator_is_not_granted() {
+        let mut bus = bus(Fifo);
+        bus.request(N0, fetch(0), 0).expect("room");
+        bus.request(N0, fetch(0), 0).expect("room");
+        assert_eq!((bus.disconnect(N0), bus.disconnect(N7)), (2, 0));
+        assert!(bus.grant(0).is_none());
+    }
+
+    #[test]
+    fn every_kind_is_counted_and_recorded_as_what_it_is() {
+        let mut bus = bus(Fifo);
+        let (tile, attempt) = (TileId(3), Attempt(1));
+        let write = Request::Write { address: Address(0), data: Bytes::from_static(b"upload") };
+        let requests = [
+            (Initiator::Loader, write, vec![]),
+            (Initiator::Master, Request::Job { node: NodeId(7), tile, attempt, bytes: 4 }, vec![]),
+            (N7, fetch(3), vec![0; 128]),
+            (N7, Request::Fetch { tile, attempt, fetch: FETCH }, vec![0; 128]),
+            (N7, Request::Pixels { tile, attempt, bytes: 75 }, vec![]),
+        ];
+        let mut rows = Vec::new();
+        for (initiator, request, data) in requests {
+            bus.request(initiator, request, 0).expect("room");
+            let grant = bus.grant(0).expect("waiting");
+            rows.push(bus.complete(grant, &data, 0));
+        }
+        let kinds: Vec<_> = rows.iter().map(|row| (row.kind, row.node, row.bytes, row.crc32c.is_some())).collect();
+        let n7 = Some(NodeId(7));
+        let expected = [
+            (Kind::Write, None, 6, true),
+            (Kind::Job, n7, 4, false),
+            (Kind::Fetch, n7, 128, true),
+            (Kind::Fetch, n7, 128, true),
+            (Kind::Pixels, n7, 75, false),
+        ];
+        assert_eq!(kinds, expected);
+        assert_eq!(rows[0].crc32c, Some(crc32c::crc32c(b"upload")));
+        let expected = BusStats {
+            transactions: 5,
+            fetches: 2,
+            fetched_bytes: 256,
+            bulk_bytes: 0,
+            message_bytes: 79,
+            writes: 1,
+            written_bytes: 6,
+        };
+        assert_eq!(bus.stats(), expected);
+        let count = |attempt| bus.fetches_of(NodeId(7), tile, Attempt(attempt));
+        assert_eq!(
+            (count(0), count(1)),
+            (FetchCount { fetches: 1, bytes: 128 }, FetchCount { fetches: 1, bytes: 128 })
+        );
+        assert_eq!(bus.fetches_of(NodeId(0), tile, attempt), FetchCount::default());
+    }
+}

@@ -68,11 +68,11 @@ impl ClusterMemory {
         self.bytes.get(start..end).ok_or(not_uploaded)
     }
 
-    /// Appends the wanted lines in ascending order.
+    /// The wanted lines in ascending order.
     ///
     /// # Errors
-    /// The request is not as [`FetchRequest`] says, or a line lies beyond the image; `into` is as before then.
-    pub fn gather(&self, fetch: &FetchRequest, into: &mut Vec<u8>) -> Result<(), AccessError> {
+    /// The request is not as [`FetchRequest`] says, or a line lies beyond the image.
+    pub fn lines(&self, fetch: &FetchRequest) -> Result<impl Iterator<Item = &[u8]> + use<'_>, AccessError> {
         let line = u64::from(fetch.line_bytes);
         if !fetch.line_bytes.is_power_of_two() || !(16..=256).contains(&fetch.line_bytes) {
             return Err(AccessError::BadFetch("the line of a fetch must be a power of two, 16 to 256 bytes"));
@@ -83,11 +83,105 @@ impl ClusterMemory {
         if !fetch.address.0.is_multiple_of(line) {
             return Err(AccessError::BadFetch("the address of a fetch must be a multiple of its line"));
         }
-        let span = u64::from(u32::BITS - fetch.lines.leading_zeros()) * line;
+        let mask = fetch.lines;
+        let span = u64::from(u32::BITS - mask.leading_zeros()) * line;
         let lines = self.range(fetch.address, span)?.chunks_exact(fetch.line_bytes as usize);
-        for (_, bytes) in lines.enumerate().filter(|(i, _)| fetch.lines >> i & 1 == 1) {
-            into.extend_from_slice(bytes);
-        }
+        Ok(lines.enumerate().filter(move |(i, _)| mask >> i & 1 == 1).map(|(_, bytes)| bytes))
+    }
+
+    /// Appends the wanted lines in ascending order.
+    ///
+    /// # Errors
+    /// As for [`Self::lines`]; `into` is as before then.
+    pub fn gather(&self, fetch: &FetchRequest, into: &mut Vec<u8>) -> Result<(), AccessError> {
+        self.lines(fetch)?.for_each(|line| into.extend_from_slice(line));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::database::Section;
+
+    /// Two granules; each byte is its address modulo 251.
+    fn memory() -> ClusterMemory {
+        let mut memory = ClusterMemory::new(&Layout::new([65, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
+        let image: Vec<u8> = (0..512u32).map(|i| (i % 251) as u8).collect();
+        for (i, part) in image.chunks(200).enumerate() {
+            assert!(!memory.is_complete());
+            memory.store(Address(200 * i as u64), part).expect("in order");
+        }
+        memory
+    }
+
+    fn fetch(address: u64, line_bytes: u32, lines: u32) -> FetchRequest {
+        FetchRequest { section: Section::OctreeNodes, address: Address(address), line_bytes, lines, accesses_before: 0 }
+    }
+
+    #[test]
+    fn it_is_complete_when_all_is_stored_in_order() {
+        assert!(memory().is_complete());
+        let mut memory = ClusterMemory::new(&Layout::new([1, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
+        let too_long = memory.store(Address(0), &[0; 257]);
+        assert_eq!(too_long, Err(AccessError::OutOfRange { address: Address(0), bytes: 257, image_bytes: 256 }));
+        memory.store(Address(0), &[1; 100]).expect("in order");
+        let again = memory.store(Address(0), &[2; 100]);
+        assert_eq!(again, Err(AccessError::OutOfOrder { address: Address(0), expected: Address(100) }));
+        let gap = memory.store(Address(101), &[2; 1]);
+        assert_eq!(gap, Err(AccessError::OutOfOrder { address: Address(101), expected: Address(100) }));
+        assert_eq!(memory.range(Address(0), 100).expect("uploaded"), [1; 100]);
+        assert!(!memory.is_complete());
+    }
+
+    #[test]
+    fn nothing_is_allocated_before_it_is_uploaded() {
+        let largest = ClusterMemory::new(&Layout::new([1 << 30, 0, 0, 0, 0, 0, 0, 0]).expect("4 GiB"));
+        assert_eq!(largest.bytes.capacity(), 0);
+        let early = largest.range(Address(0), 16);
+        assert_eq!(early, Err(AccessError::NotUploaded { address: Address(0), bytes: 16, uploaded: Address(0) }));
+    }
+
+    #[test]
+    fn ranges_are_checked() {
+        let memory = memory();
+        assert_eq!(memory.range(Address(250), 3).expect("inside"), [250, 0, 1]);
+        assert!(memory.range(Address(512), 0).expect("at the end").is_empty());
+        for (address, bytes) in [(512, 1), (0, 513), (u64::MAX, 1), (1, u64::MAX), (u64::MAX, u64::MAX)] {
+            let expected = AccessError::OutOfRange { address: Address(address), bytes, image_bytes: 512 };
+            assert_eq!(memory.range(Address(address), bytes), Err(expected));
+        }
+    }
+
+    #[test]
+    fn lines_come_in_ascending_order() {
+        let memory = memory();
+        let firsts = |fetch| -> Result<Vec<(u8, usize)>, AccessError> {
+            Ok(memory.lines(&fetch)?.map(|line| (line[0], line.len())).collect())
+        };
+        assert_eq!(firsts(fetch(32, 16, 0b1101)), Ok(vec![(32, 16), (64, 16), (80, 16)]));
+        assert_eq!(firsts(fetch(256, 256, 1)), Ok(vec![(5, 256)]));
+        assert_eq!(firsts(fetch(0, 16, u32::MAX)).map(|lines| lines.len()), Ok(32));
+    }
+
+    #[test]
+    fn bad_fetches_are_refused() {
+        let memory = memory();
+        let cases = [
+            fetch(0, 16, 0),
+            fetch(0, 16, 2),
+            fetch(8, 16, 1),
+            fetch(0, 0, 1),
+            fetch(0, 8, 1),
+            fetch(0, 24, 1),
+            fetch(0, 512, 1),
+            fetch(512, 16, 1),
+            fetch(496, 16, 3),
+            fetch(256, 256, 1 << 31 | 1),
+            fetch(u64::MAX - 15, 16, 1),
+        ];
+        for case in cases {
+            assert!(memory.lines(&case).is_err(), "{case:?}");
+        }
     }
 }

@@ -40,7 +40,7 @@ impl fmt::Display for Role {
 pub struct RunToken([u8; 32]);
 
 impl RunToken {
-    pub fn new(bytes: [u8; 32]) -> Self {
+    pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 }

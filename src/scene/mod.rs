@@ -1,10 +1,12 @@
 //! Files and procedural definitions to a [`Scene`]: world coordinates in f64, nothing compiled yet.
 
 pub mod camera;
+mod cursor;
 pub mod load;
 pub mod nff;
 pub mod obj;
 pub mod procedural;
+pub(crate) mod source;
 pub mod source_error;
 
 use glam::DVec3;
@@ -89,6 +91,16 @@ pub struct Material {
 }
 
 impl Material {
+    /// What a surface is made of when its file does not say.
+    pub const WHITE: Self = Self {
+        diffuse: DVec3::ONE,
+        highlight: DVec3::ZERO,
+        reflection: DVec3::ZERO,
+        shine: 1.0,
+        transmittance: 0.0,
+        ior: 1.0,
+    };
+
     /// An NFF `f` line: colour, Kd, Ks, shine, T, index of refraction.
     pub fn from_nff(colour: DVec3, kd: f64, ks: f64, shine: f64, t: f64, ior: f64) -> Self {
         Self {
@@ -103,6 +115,17 @@ impl Material {
 }
 
 impl Scene {
+    /// The corners of a polygon.
+    pub fn corners(&self, polygon: &Polygon) -> &[DVec3] {
+        &self.vertices[polygon.first_vertex as usize..][..polygon.vertex_count as usize]
+    }
+
+    /// The vertex normals of a smooth polygon.
+    pub fn corner_normals(&self, polygon: &Polygon) -> Option<&[DVec3]> {
+        let first = polygon.first_normal? as usize;
+        Some(&self.normals[first..][..polygon.vertex_count as usize])
+    }
+
     /// Primitives as the paper counts them: polygons before triangulation, spheres, cones.
     pub fn primitive_count(&self) -> usize {
         self.polygons.len() + self.spheres.len() + self.cones.len()

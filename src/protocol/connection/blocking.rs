@@ -1,12 +1,13 @@
 //! A connection for a plain thread, where a request is a round trip and latency is everything.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Write};
 use std::marker::PhantomData;
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::handshake::judge_reply;
+use super::read_buffer::{ReadBuffer, would_block};
 use super::{ConnectionError, Fault, READ_BYTES, WRITE_DEADLINE};
 use crate::codec::{self, Message};
 use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloReply, Role};
@@ -20,16 +21,8 @@ pub struct BlockingConnection<Out, In> {
     /// For a whole frame to arrive.
     deadline: Duration,
     outgoing: Vec<u8>,
-    incoming: Incoming,
+    incoming: ReadBuffer,
     messages: PhantomData<fn(Out) -> In>,
-}
-
-/// Bytes received and not yet handed out: `buffer[start..end]`.
-#[derive(Debug)]
-struct Incoming {
-    buffer: Vec<u8>,
-    start: usize,
-    end: usize,
 }
 
 impl<Out: Message, In: Message> BlockingConnection<Out, In> {
@@ -53,22 +46,23 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(deadline))?;
         stream.set_write_timeout(Some(WRITE_DEADLINE))?;
-        let incoming = Incoming { buffer: vec![0; READ_BYTES], start: 0, end: 0 };
         let mut connection = Self {
             stream,
             peer: Arc::clone(peer),
             deadline,
             outgoing: codec::encode(hello, &[])?,
-            incoming,
+            incoming: ReadBuffer::with_room(READ_BYTES),
             messages: PhantomData,
         };
         connection.write_outgoing()?;
-        judge_reply(connection.incoming.frame(&connection.stream, HELLO_BYTES_MAX, deadline, HelloReply::NAME)?)?;
+        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME)?;
+        judge_reply(connection.incoming.take(bytes))?;
         Ok(connection)
     }
 
-    pub fn peer(&self) -> &Arc<str> {
-        &self.peer
+    /// An error of this conversation, with the peer's name.
+    pub fn error(&self, fault: Fault) -> ConnectionError {
+        fault.of(&self.peer)
     }
 
     /// # Errors
@@ -82,10 +76,9 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     }
 
     fn write_outgoing(&mut self) -> Result<(), Fault> {
-        self.stream.write_all(&self.outgoing).map_err(|error| match error.kind() {
-            ErrorKind::WouldBlock | ErrorKind::TimedOut => Fault::Stuck { deadline: WRITE_DEADLINE },
-            _ => error.into(),
-        })
+        self.stream
+            .write_all(&self.outgoing)
+            .map_err(|error| if would_block(&error) { Fault::Stuck { deadline: WRITE_DEADLINE } } else { error.into() })
     }
 
     /// The next message and its bulk bytes.
@@ -94,64 +87,33 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     /// The peer is gone, is silent until the deadline, or what came is not such a message: nothing more
     /// can be received.
     pub fn receive(&mut self) -> Result<(In, &[u8]), ConnectionError> {
-        self.incoming
-            .frame(&self.stream, codec::frame_bytes_max::<In>(), self.deadline, In::NAME)
-            .and_then(|frame| Ok(codec::decode(frame)?))
-            .map_err(|fault| fault.of(&self.peer))
+        match self.await_frame(codec::frame_bytes_max::<In>(), In::NAME) {
+            Ok(bytes) => codec::decode(self.incoming.take(bytes)).map_err(|error| Fault::from(error).of(&self.peer)),
+            Err(fault) => Err(fault.of(&self.peer)),
+        }
     }
 }
 
-impl Incoming {
-    /// Hands out the next frame, without its length.
-    fn frame(
-        &mut self,
-        mut stream: &TcpStream,
-        bytes_max: usize,
-        deadline: Duration,
-        awaited: &'static str,
-    ) -> Result<&[u8], Fault> {
+impl<Out, In> BlockingConnection<Out, In> {
+    /// Bytes of the next frame, its length included, once it is whole.
+    fn await_frame(&mut self, bytes_max: usize, awaited: &'static str) -> Result<usize, Fault> {
+        let deadline = self.deadline;
         // Asked for when the first read did not bring the whole frame: the clock costs.
         let mut late = None;
         loop {
-            let received = self.buffer.get(self.start..self.end).unwrap_or_default();
-            let needed = match codec::frame_bytes(received, bytes_max)? {
-                Some(bytes) if received.len() >= codec::PREFIX_BYTES + bytes => {
-                    let first = self.start + codec::PREFIX_BYTES;
-                    self.start = first + bytes;
-                    return Ok(&self.buffer[first..first + bytes]);
-                }
-                Some(bytes) => codec::PREFIX_BYTES + bytes,
-                None => codec::PREFIX_BYTES,
-            };
-            self.make_room(needed);
-            match stream.read(&mut self.buffer[self.end..]) {
-                Ok(0) if self.start == self.end => return Err(Fault::Closed),
-                Ok(0) => return Err(Fault::Torn),
-                Ok(bytes) => self.end += bytes,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    return Err(Fault::Silent { awaited, deadline });
-                }
-                Err(error) => return Err(error.into()),
+            if let Some(bytes) = self.incoming.whole_frame(bytes_max)? {
+                return Ok(bytes);
             }
-            if self.end - self.start < needed
-                && Instant::now() >= *late.get_or_insert_with(|| Instant::now() + deadline)
-            {
+            if late.is_some_and(|late| Instant::now() >= late) {
                 return Err(Fault::Silent { awaited, deadline });
             }
-        }
-    }
-
-    /// Makes room behind what has been received: by moving it to the front, then by doubling, never to
-    /// more than the frame needs.
-    fn make_room(&mut self, needed: usize) {
-        if self.start > 0 {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
-        }
-        if self.end == self.buffer.len() {
-            self.buffer.resize((self.buffer.len() * 2).min(needed.max(READ_BYTES)), 0);
+            match self.incoming.fill_from(&self.stream) {
+                Ok(_) => {}
+                Err(Fault::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+                Err(Fault::Io(error)) if would_block(&error) => return Err(Fault::Silent { awaited, deadline }),
+                Err(fault) => return Err(fault),
+            }
+            late.get_or_insert_with(|| Instant::now() + deadline);
         }
     }
 }

@@ -6,6 +6,9 @@
 pub mod blocking;
 pub mod handshake;
 pub mod listener;
+pub mod read_buffer;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 use std::marker::PhantomData;
@@ -57,6 +60,9 @@ pub enum Fault {
     Silent { awaited: &'static str, deadline: Duration },
     #[error("did not read for {} ms", deadline.as_millis())]
     Stuck { deadline: Duration },
+    /// A message that has no place at this point of the conversation.
+    #[error("{0}")]
+    Unexpected(String),
     /// The other side's words.
     #[error("it refused this process: {0}")]
     RefusedUs(String),
