@@ -37,7 +37,7 @@ pub struct Rendering {
     pub cpu: Duration,
 }
 
-/// Renders `view` of a database. `on_tile` is told of every finished tile: done, total.
+/// Renders `view` of a database.
 ///
 /// # Errors
 /// There is no memory for the image.
@@ -45,12 +45,11 @@ pub fn render(
     database: &Verified,
     view: &View,
     settings: Settings,
-    on_tile: impl Fn(u32, u32) + Sync,
 ) -> Result<Rendering, FrameBufferError> {
     let image = &view.image;
     let tiling = Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE };
     let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
-    let (next, done) = (AtomicU32::new(0), AtomicU32::new(0));
+    let next = AtomicU32::new(0);
     let start = Instant::now();
     let worker = || {
         let cpu_at_start = thread_cpu();
@@ -60,10 +59,8 @@ pub fn render(
         while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
             let Ok::<_, Infallible>((pixels, counts)) = tracer.trace(&mut port, rect, settings.aov);
             stats.add(&counts);
-            let mut frame = frame.lock().expect("no thread panics while it holds the frame");
-            frame.blit(rect, &pixels).expect("a tile of this very image");
-            drop(frame);
-            on_tile(done.fetch_add(1, Ordering::Relaxed) + 1, tiling.tile_count());
+            let mut whole = frame.lock().expect("no thread panics while it holds the frame");
+            whole.blit(rect, &pixels).expect("a tile of this very image");
         }
         (stats, thread_cpu().saturating_sub(cpu_at_start))
     };

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 pub use conservation::Conservation;
 pub use memory::{Memory, NodeMemory};
 
+use crate::database::verify::Verified;
+use crate::tracer::octree::census::{Census, Level};
 use crate::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
@@ -67,6 +69,13 @@ pub struct Scene {
     pub database_bytes: u64,
 }
 
+impl Scene {
+    pub fn new(source: String, database: &Verified) -> Self {
+        let header = &database.database().header;
+        Self { source, primitives: header.scene_primitives, database_bytes: header.layout.image_bytes() }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Image {
     /// Pixels.
@@ -116,6 +125,20 @@ pub struct Octree {
     pub depth: u32,
     /// From the root's on.
     pub levels: Vec<OctreeLevel>,
+}
+
+impl Octree {
+    pub fn new(census: &Census, trace: &TraceStats) -> Self {
+        let total = census.total();
+        let level = |(level, accesses): (&Level, &u64)| OctreeLevel { nodes: level.nodes(), accesses: *accesses };
+        Self {
+            nodes: total.nodes(),
+            leaves: total.leaves + total.empty_leaves,
+            references: total.references,
+            depth: census.depth(),
+            levels: census.levels.iter().zip(&trace.octree_accesses).map(level).collect(),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

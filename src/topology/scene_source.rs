@@ -8,36 +8,20 @@ use super::SceneSource;
 use super::value::ProceduralSize;
 use crate::scene::procedural::{Kind, Procedural};
 
-/// Every kind with its name and default size.
-const KINDS: [(Kind, &str, u32); 4] =
-    [(Kind::Gears, "gears", 2), (Kind::Teapot, "teapot", 12), (Kind::Balls, "balls", 4), (Kind::Tetra, "tetra", 6)];
-
-fn name(kind: Kind) -> &'static str {
-    KINDS[kind as usize].1
-}
-
-/// # Errors
-/// No kind has this name; says which there are.
-pub fn parse_kind(text: &str) -> Result<Kind, String> {
-    let kind = KINDS.iter().find(|(_, name, _)| *name == text);
-    kind.map(|(kind, ..)| *kind).ok_or_else(|| format!("expected one of {}", KINDS.map(|(_, name, _)| name).join(", ")))
-}
-
 impl SceneSource {
     /// A procedural scene; without a size, its kind's default.
     ///
     /// # Errors
     /// The size is not possible for the kind.
     pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, String> {
-        let size = size.map_or(KINDS[kind as usize].2, |size| size.0);
-        Ok(Self::Procedural(Procedural { kind, size }))
+        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural).map_err(|error| error.to_string())
     }
 
     /// The scene's name without folder, extension and size: what its image is called.
     pub fn name(&self) -> String {
         match self {
             Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            Self::Procedural(procedural) => name(procedural.kind).to_owned(),
+            Self::Procedural(procedural) => procedural.kind.to_string(),
         }
     }
 }
@@ -48,7 +32,7 @@ impl FromStr for SceneSource {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
-        if let Ok(kind) = parse_kind(before) {
+        if let Ok(kind) = before.parse() {
             let size = size.map(str::parse).transpose().map_err(|expected| format!("size of {before}: {expected}"))?;
             Self::procedural(kind, size)
         } else if Path::new(text).extension().is_some() {
@@ -64,7 +48,7 @@ impl fmt::Display for SceneSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(path) => path.display().fmt(f),
-            Self::Procedural(procedural) => write!(f, "{}:{}", name(procedural.kind), procedural.size),
+            Self::Procedural(procedural) => write!(f, "{}:{}", procedural.kind, procedural.size),
         }
     }
 }
@@ -76,7 +60,7 @@ mod tests {
     #[test]
     fn scenes_read_as_they_are_written() {
         for (text, kind, size) in [
-            ("gears", Kind::Gears, 2),
+            ("gears", Kind::Gears, 4),
             ("teapot", Kind::Teapot, 12),
             ("balls", Kind::Balls, 4),
             ("tetra:7", Kind::Tetra, 7),

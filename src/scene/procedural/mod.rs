@@ -49,7 +49,7 @@ pub enum Kind {
 
 /// A size that the kind does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{kind} of size {size} are not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+#[error("there is no {kind} of size {size}, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
 pub struct SizeError {
     pub kind: Kind,
     pub size: u32,
