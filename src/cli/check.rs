@@ -55,7 +55,10 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
         Assignment::OnDemand => "handed out on demand",
         Assignment::Interleaved => "interleaved over the nodes",
     };
-    line("tiles", format_args!("{tiles} of {tile_width}x{tile_height} pixels, {assignment}"));
+    line(
+        "tiles",
+        format_args!("{tiles} of {tile_width}x{tile_height} pixels in {} order, {assignment}", topology.run.order),
+    );
     let octree = topology.octree;
     let mailbox = if octree.mailbox { "with" } else { "without" };
     line(
@@ -63,7 +66,7 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
         format_args!("leaves of {} primitives, depth {}, {mailbox} mailbox", octree.leaf_size, octree.max_depth),
     );
     let nodes = topology.cluster.nodes;
-    line("processes", format_args!("{}: manager, bus, master, display, {nodes} processing", 4 + u32::from(nodes)));
+    line("processes", format_args!("{}: manager, bus, master, display and {nodes} nodes", 4 + u32::from(nodes)));
     line("local memory", format_args!("{}", local_memory(&topology.cluster.local_memory)));
     line("bus", format_args!("{}", arbiter(topology.cluster.bus.arbiter)));
     let deadlines = topology.run.deadlines;
@@ -112,9 +115,9 @@ mod tests {
             "topology      paper-teapot-9\n\
              scene         teapot:12\n\
              image         250x250 pixels, depth 4, cutoff 0\n\
-             tiles         2500 of 5x5 pixels, interleaved over the nodes\n\
+             tiles         2500 of 5x5 pixels in scanline order, interleaved over the nodes\n\
              octree        leaves of 12 primitives, depth 10, with mailbox\n\
-             processes     13: manager, bus, master, display, 9 processing\n\
+             processes     13: manager, bus, master, display and 9 nodes\n\
              local memory  1/32 of the database, lines of 64 bytes, fully associative, lru\n\
              bus           first come, first served\n\
              deadlines     start-up 10 s, heartbeat 5 s, tile 600 s\n"
@@ -125,7 +128,7 @@ mod tests {
     fn a_check_is_of_the_overridden_topology() {
         let text =
             summary_of("teapot.toml", &["cluster.nodes=2", "cluster.local_memory={ size = \"64 KiB\", ways = 4 }"]);
-        assert!(text.contains("6: manager, bus, master, display, 2 processing"), "{text}");
+        assert!(text.contains("6: manager, bus, master, display and 2 nodes"), "{text}");
         assert!(text.contains("64 KiB, lines of 64 bytes, 4 ways, lru"), "{text}");
     }
 }

@@ -190,6 +190,13 @@ pub enum TileOrder {
     Random,
 }
 
+/// Its name in a topology file.
+impl fmt::Display for TileOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Assignment {

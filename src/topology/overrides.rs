@@ -179,7 +179,7 @@ mod tests {
     fn errors_name_the_override() {
         let table = [
             ("cluster.nodes=0", "cluster.nodes is 0, expected an integer from 1 to 256"),
-            ("cluster.nodes=", "cluster.nodes is , expected an integer from 1 to 256"),
+            ("cluster.nodes=", "cluster.nodes is empty, expected an integer from 1 to 256"),
             (
                 "cluster.nodse=2",
                 "unknown key cluster.nodse, expected one of nodes, local_memory, bus; did you mean nodes?",
