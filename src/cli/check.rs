@@ -7,7 +7,8 @@ use std::time::Duration;
 use clap::Args;
 
 use super::{Failure, print};
-use crate::scene::{self, Camera, Scene};
+use crate::scene::procedural::Procedural;
+use crate::scene::{Camera, Scene};
 use crate::topology::{Arbiter, Assignment, LocalMemory, MemorySize, Override, SceneSource, Topology};
 use crate::tracer::Tiling;
 use crate::tracer::view::ImageSettings;
@@ -25,8 +26,9 @@ pub struct CheckArguments {
 pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
     let scene = match &topology.scene {
-        SceneSource::File(path) => Some(scene::load(path)?),
-        SceneSource::Procedural(_) => None,
+        // It takes its time, and nothing can be wrong with it.
+        SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => None,
+        source => Some(source.load()?),
     };
     let camera = scene.as_ref().and_then(|scene| scene.camera).or(topology.camera);
     let image = topology
@@ -104,8 +106,9 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("topologies").join(name);
         let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
         let topology = Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-        let image = topology.image_settings(&Camera::framing(None)).expect("the tile fits");
-        summary(&topology, None, &image)
+        let scene = topology.scene.load().expect("a procedural scene");
+        let image = topology.image_settings(&scene.camera.expect("has a camera")).expect("the tile fits");
+        summary(&topology, Some(&scene), &image)
     }
 
     #[test]
@@ -113,7 +116,7 @@ mod tests {
         assert_eq!(
             summary_of("paper-teapot-9.toml", &[]),
             "topology      paper-teapot-9\n\
-             scene         teapot:12\n\
+             scene         teapot:12, 9264 primitives\n\
              image         250x250 pixels, depth 4, cutoff 0\n\
              tiles         2500 of 5x5 pixels in scanline order, interleaved over the nodes\n\
              octree        leaves of 12 primitives, depth 10, with mailbox\n\

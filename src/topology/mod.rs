@@ -20,7 +20,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use overrides::Override;
-pub use scene_source::parse_kind;
 
 use crate::scene::{Camera, Light, procedural::Procedural};
 use crate::tracer::view::ImageSettings;

@@ -160,7 +160,7 @@ mod tests {
             assert_eq!((topology.camera, topology.lights), (None, Vec::new()));
         }
         let gears = read_well(&["scene.procedural=gears"]);
-        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 2 }));
+        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 4 }));
         assert_eq!((gears.camera, gears.lights), (None, Vec::new()));
         let smaller = read_well(&["scene.size=2"]);
         assert_eq!((smaller.camera.is_some(), smaller.lights.len()), (true, 2), "the same scene keeps both");

@@ -6,38 +6,32 @@ use std::str::FromStr;
 
 use super::SceneSource;
 use super::value::ProceduralSize;
-use crate::scene::procedural::{Kind, Procedural};
-
-/// Every kind with its name and default size.
-const KINDS: [(Kind, &str, u32); 4] =
-    [(Kind::Gears, "gears", 2), (Kind::Teapot, "teapot", 12), (Kind::Balls, "balls", 4), (Kind::Tetra, "tetra", 6)];
-
-fn name(kind: Kind) -> &'static str {
-    KINDS[kind as usize].1
-}
-
-/// # Errors
-/// No kind has this name; says which there are.
-pub fn parse_kind(text: &str) -> Result<Kind, String> {
-    let kind = KINDS.iter().find(|(_, name, _)| *name == text);
-    kind.map(|(kind, ..)| *kind).ok_or_else(|| format!("expected one of {}", KINDS.map(|(_, name, _)| name).join(", ")))
-}
+use crate::scene::procedural::{Kind, Procedural, SizeError};
+use crate::scene::{self, Scene, SourceError};
 
 impl SceneSource {
     /// A procedural scene; without a size, its kind's default.
     ///
     /// # Errors
-    /// The size is not possible for the kind.
-    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, String> {
-        let size = size.map_or(KINDS[kind as usize].2, |size| size.0);
-        Ok(Self::Procedural(Procedural { kind, size }))
+    /// The kind is not made in this size.
+    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, SizeError> {
+        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural)
+    }
+
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn load(&self) -> Result<Scene, SourceError> {
+        match self {
+            Self::File(path) => scene::load(path),
+            Self::Procedural(procedural) => Ok(procedural.scene()),
+        }
     }
 
     /// The scene's name without folder, extension and size: what its image is called.
     pub fn name(&self) -> String {
         match self {
             Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            Self::Procedural(procedural) => name(procedural.kind).to_owned(),
+            Self::Procedural(procedural) => procedural.kind.to_string(),
         }
     }
 }
@@ -48,9 +42,9 @@ impl FromStr for SceneSource {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
-        if let Ok(kind) = parse_kind(before) {
+        if let Ok(kind) = before.parse() {
             let size = size.map(str::parse).transpose().map_err(|expected| format!("size of {before}: {expected}"))?;
-            Self::procedural(kind, size)
+            Self::procedural(kind, size).map_err(|error| error.to_string())
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
         } else {
@@ -64,7 +58,7 @@ impl fmt::Display for SceneSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(path) => path.display().fmt(f),
-            Self::Procedural(procedural) => write!(f, "{}:{}", name(procedural.kind), procedural.size),
+            Self::Procedural(Procedural { kind, size }) => write!(f, "{kind}:{size}"),
         }
     }
 }
@@ -76,7 +70,7 @@ mod tests {
     #[test]
     fn scenes_read_as_they_are_written() {
         for (text, kind, size) in [
-            ("gears", Kind::Gears, 2),
+            ("gears:2", Kind::Gears, 2),
             ("teapot", Kind::Teapot, 12),
             ("balls", Kind::Balls, 4),
             ("tetra:7", Kind::Tetra, 7),
@@ -102,6 +96,7 @@ mod tests {
             ),
             ("gears:", "size of gears: expected an integer from 1 to 1000"),
             ("gears:0", "size of gears: expected an integer from 1 to 1000"),
+            ("balls:8", "balls of size 8 are not made, expected a size from 1 to 7"),
         ] {
             assert_eq!(text.parse::<SceneSource>(), Err(reason.to_owned()));
         }
