@@ -1,4 +1,4 @@
-//! A topology file: read as written in [`file`], proven into a [`Topology`]. Nothing after it checks again.
+//! A topology file: read as written in [`mod@file`], proven into a [`Topology`]. Nothing after it checks again.
 
 mod document;
 pub mod file;
