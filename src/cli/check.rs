@@ -7,7 +7,8 @@ use std::time::Duration;
 use clap::Args;
 
 use super::{Failure, print};
-use crate::scene::{self, Camera, Scene};
+use crate::scene::procedural::Procedural;
+use crate::scene::{Camera, Scene};
 use crate::topology::{Arbiter, Assignment, LocalMemory, MemorySize, Override, SceneSource, Topology};
 use crate::tracer::Tiling;
 use crate::tracer::view::ImageSettings;
@@ -25,8 +26,9 @@ pub struct CheckArguments {
 pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
     let scene = match &topology.scene {
-        SceneSource::File(path) => Some(scene::load(path)?),
-        SceneSource::Procedural(_) => None,
+        // It takes its time, and nothing can be wrong with it.
+        SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => None,
+        source => Some(source.load()?),
     };
     let camera = scene.as_ref().and_then(|scene| scene.camera).or(topology.camera);
     let image = topology
@@ -55,7 +57,10 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
         Assignment::OnDemand => "handed out on demand",
         Assignment::Interleaved => "interleaved over the nodes",
     };
-    line("tiles", format_args!("{tiles} of {tile_width}x{tile_height} pixels, {assignment}"));
+    line(
+        "tiles",
+        format_args!("{tiles} of {tile_width}x{tile_height} pixels in {} order, {assignment}", topology.run.order),
+    );
     let octree = topology.octree;
     let mailbox = if octree.mailbox { "with" } else { "without" };
     line(
@@ -63,7 +68,7 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
         format_args!("leaves of {} primitives, depth {}, {mailbox} mailbox", octree.leaf_size, octree.max_depth),
     );
     let nodes = topology.cluster.nodes;
-    line("processes", format_args!("{}: manager, bus, master, display, {nodes} processing", 4 + u32::from(nodes)));
+    line("processes", format_args!("{}: manager, bus, master, display and {nodes} nodes", 4 + u32::from(nodes)));
     line("local memory", format_args!("{}", local_memory(&topology.cluster.local_memory)));
     line("bus", format_args!("{}", arbiter(topology.cluster.bus.arbiter)));
     let deadlines = topology.run.deadlines;
@@ -101,8 +106,9 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("topologies").join(name);
         let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
         let topology = Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-        let image = topology.image_settings(&Camera::framing(None)).expect("the tile fits");
-        summary(&topology, None, &image)
+        let scene = topology.scene.load().expect("a procedural scene");
+        let image = topology.image_settings(&scene.camera.expect("has a camera")).expect("the tile fits");
+        summary(&topology, Some(&scene), &image)
     }
 
     #[test]
@@ -110,11 +116,11 @@ mod tests {
         assert_eq!(
             summary_of("paper-teapot-9.toml", &[]),
             "topology      paper-teapot-9\n\
-             scene         teapot:12\n\
+             scene         teapot:12, 9264 primitives\n\
              image         250x250 pixels, depth 4, cutoff 0\n\
-             tiles         2500 of 5x5 pixels, interleaved over the nodes\n\
+             tiles         2500 of 5x5 pixels in scanline order, interleaved over the nodes\n\
              octree        leaves of 12 primitives, depth 10, with mailbox\n\
-             processes     13: manager, bus, master, display, 9 processing\n\
+             processes     13: manager, bus, master, display and 9 nodes\n\
              local memory  1/32 of the database, lines of 64 bytes, fully associative, lru\n\
              bus           first come, first served\n\
              deadlines     start-up 10 s, heartbeat 5 s, tile 600 s\n"
@@ -125,7 +131,7 @@ mod tests {
     fn a_check_is_of_the_overridden_topology() {
         let text =
             summary_of("teapot.toml", &["cluster.nodes=2", "cluster.local_memory={ size = \"64 KiB\", ways = 4 }"]);
-        assert!(text.contains("6: manager, bus, master, display, 2 processing"), "{text}");
+        assert!(text.contains("6: manager, bus, master, display and 2 nodes"), "{text}");
         assert!(text.contains("64 KiB, lines of 64 bytes, 4 ways, lru"), "{text}");
     }
 }

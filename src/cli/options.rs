@@ -23,11 +23,8 @@ pub struct OutputOptions {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Aov {
-    /// Distance along the ray
     Depth,
-    /// Geometric normal turned to the eye
     Normal,
-    /// Primitive id
     Primitive,
 }
 

@@ -43,7 +43,7 @@ pub struct RenderArguments {
     #[command(flatten)]
     octree: OctreeOptions,
     /// Test a primitive that stands in many leaves only once a ray
-    #[arg(long, value_enum, default_value_t = Switch::On)]
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true, default_value_t = Switch::On)]
     mailbox: Switch,
     #[command(flatten)]
     pub planes: OutputOptions,

@@ -91,7 +91,11 @@ impl<'a> Document<'a> {
         };
         let line = text.lines().next().unwrap_or_default();
         let shown: String = line.chars().take(CHARACTERS_MAX).collect();
-        if shown.len() < text.len() { shown + "…" } else { shown }
+        match shown.len() {
+            0 => "empty".to_owned(),
+            length if length < text.len() => shown + "…",
+            _ => shown,
+        }
     }
 
     /// Keys may hold anything, also what would make a terminal do strange things.

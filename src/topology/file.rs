@@ -91,7 +91,7 @@ pub struct Scene {
     /// A scene of the Standard Procedural Databases.
     #[serde(deserialize_with = "some_name", skip_serializing_if = "Option::is_none")]
     pub procedural: Option<Kind>,
-    /// Size factor of the procedural scene; default: its kind's.
+    /// Size factor of the procedural scene, in its kind's range; default: its kind's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<ProceduralSize>,
     /// Linear RGB where a ray hits nothing; default: the scene's own.

@@ -1,4 +1,4 @@
-//! A topology file: read as written in [`file`], proven into a [`Topology`]. Nothing after it checks again.
+//! A topology file: read as written in [`mod@file`], proven into a [`Topology`]. Nothing after it checks again.
 
 mod document;
 pub mod file;
@@ -187,6 +187,13 @@ pub enum TileOrder {
     Morton,
     /// Shuffled with the run's seed.
     Random,
+}
+
+/// Its name in a topology file.
+impl fmt::Display for TileOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

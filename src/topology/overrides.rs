@@ -160,7 +160,7 @@ mod tests {
             assert_eq!((topology.camera, topology.lights), (None, Vec::new()));
         }
         let gears = read_well(&["scene.procedural=gears"]);
-        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 2 }));
+        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 4 }));
         assert_eq!((gears.camera, gears.lights), (None, Vec::new()));
         let smaller = read_well(&["scene.size=2"]);
         assert_eq!((smaller.camera.is_some(), smaller.lights.len()), (true, 2), "the same scene keeps both");
@@ -179,7 +179,7 @@ mod tests {
     fn errors_name_the_override() {
         let table = [
             ("cluster.nodes=0", "cluster.nodes is 0, expected an integer from 1 to 256"),
-            ("cluster.nodes=", "cluster.nodes is , expected an integer from 1 to 256"),
+            ("cluster.nodes=", "cluster.nodes is empty, expected an integer from 1 to 256"),
             (
                 "cluster.nodse=2",
                 "unknown key cluster.nodse, expected one of nodes, local_memory, bus; did you mean nodes?",

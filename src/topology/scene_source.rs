@@ -6,15 +6,25 @@ use std::str::FromStr;
 
 use super::SceneSource;
 use super::value::ProceduralSize;
-use crate::scene::procedural::{Kind, Procedural};
+use crate::scene::procedural::{Kind, Procedural, SizeError};
+use crate::scene::{self, Scene, SourceError};
 
 impl SceneSource {
     /// A procedural scene; without a size, its kind's default.
     ///
     /// # Errors
-    /// The size is not possible for the kind.
-    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, String> {
-        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural).map_err(|error| error.to_string())
+    /// The kind is not made in this size.
+    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, SizeError> {
+        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural)
+    }
+
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn load(&self) -> Result<Scene, SourceError> {
+        match self {
+            Self::File(path) => scene::load(path),
+            Self::Procedural(procedural) => Ok(procedural.scene()),
+        }
     }
 
     /// The scene's name without folder, extension and size: what its image is called.
@@ -34,7 +44,7 @@ impl FromStr for SceneSource {
         let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
         if let Ok(kind) = before.parse() {
             let size = size.map(str::parse).transpose().map_err(|expected| format!("size of {before}: {expected}"))?;
-            Self::procedural(kind, size)
+            Self::procedural(kind, size).map_err(|error| error.to_string())
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
         } else {
@@ -48,7 +58,7 @@ impl fmt::Display for SceneSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(path) => path.display().fmt(f),
-            Self::Procedural(procedural) => write!(f, "{}:{}", procedural.kind, procedural.size),
+            Self::Procedural(Procedural { kind, size }) => write!(f, "{kind}:{size}"),
         }
     }
 }
@@ -60,7 +70,7 @@ mod tests {
     #[test]
     fn scenes_read_as_they_are_written() {
         for (text, kind, size) in [
-            ("gears", Kind::Gears, 4),
+            ("gears:2", Kind::Gears, 2),
             ("teapot", Kind::Teapot, 12),
             ("balls", Kind::Balls, 4),
             ("tetra:7", Kind::Tetra, 7),
@@ -86,6 +96,7 @@ mod tests {
             ),
             ("gears:", "size of gears: expected an integer from 1 to 1000"),
             ("gears:0", "size of gears: expected an integer from 1 to 1000"),
+            ("balls:8", "balls of size 8 are not made, expected a size from 1 to 7"),
         ] {
             assert_eq!(text.parse::<SceneSource>(), Err(reason.to_owned()));
         }
