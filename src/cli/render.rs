@@ -133,7 +133,7 @@ fn report(
             files,
         },
         rays: report::Rays::new(stats),
-        octree: report::Octree::new(&Census::of(&prepared.database), stats),
+        octree: report::Octree::new(&Census::of(&prepared.database)).with_accesses(stats),
         tests: report::Tests { primitive: stats.primitive_tests, mailbox_skips: stats.mailbox_skips },
         tiles: None,
         nodes: Vec::new(),

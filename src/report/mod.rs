@@ -15,7 +15,7 @@ pub use conservation::Conservation;
 pub use memory::{Memory, NodeMemory};
 
 use crate::database::verify::Verified;
-use crate::tracer::octree::census::{Census, Level};
+use crate::tracer::octree::census::Census;
 use crate::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
@@ -128,16 +128,24 @@ pub struct Octree {
 }
 
 impl Octree {
-    pub fn new(census: &Census, trace: &TraceStats) -> Self {
+    /// Of an octree that no ray has visited.
+    pub fn new(census: &Census) -> Self {
         let total = census.total();
-        let level = |(level, accesses): (&Level, &u64)| OctreeLevel { nodes: level.nodes(), accesses: *accesses };
         Self {
             nodes: total.nodes(),
             leaves: total.leaves + total.empty_leaves,
             references: total.references,
             depth: census.depth(),
-            levels: census.levels.iter().zip(&trace.octree_accesses).map(level).collect(),
+            levels: census.levels.iter().map(|level| OctreeLevel { nodes: level.nodes(), accesses: 0 }).collect(),
         }
+    }
+
+    #[must_use]
+    pub fn with_accesses(mut self, trace: &TraceStats) -> Self {
+        for (level, accesses) in self.levels.iter_mut().zip(trace.octree_accesses) {
+            level.accesses = accesses;
+        }
+        self
     }
 }
 
@@ -152,6 +160,12 @@ pub struct OctreeLevel {
 pub struct Tests {
     pub primitive: u64,
     pub mailbox_skips: u64,
+}
+
+impl Tests {
+    pub fn new(trace: &TraceStats) -> Self {
+        Self { primitive: trace.primitive_tests, mailbox_skips: trace.mailbox_skips }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -41,10 +41,6 @@ impl ProcessTable {
         self.processes.iter().filter(|process| process.id.node().is_some())
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.processes.is_empty()
-    }
-
     /// Who has missed a deadline, and which; each as the rest of a sentence that begins with its name.
     pub(super) fn overdue(&self, now: Duration, deadlines: &Deadlines) -> Vec<(ProcessId, String)> {
         let alive = self.processes.iter().filter(|process| process.doom.is_none());
