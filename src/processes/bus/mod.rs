@@ -5,6 +5,8 @@
 mod client;
 pub mod memory_loop;
 pub mod state;
+#[cfg(test)]
+mod tests;
 
 use std::net::IpAddr;
 use std::thread;
