@@ -33,7 +33,8 @@ impl Metadata {
             Arbiter::RoundRobin { quantum } => format!("round_robin {quantum}"),
             Arbiter::FixedPriority => "fixed_priority".to_owned(),
         };
-        let records = Section::ALL.map(|section| format!("{} {}", section.name(), self.layout.span(section).records));
+        let records =
+            Section::ALL.map(|section| format!(r#""{}": {}"#, section.name(), self.layout.span(section).records));
         let entries = [
             ("marti.format_version", FORMAT_VERSION.to_string()),
             ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -41,14 +42,14 @@ impl Metadata {
             ("marti.epoch", self.epoch.0.to_string()),
             ("marti.arbiter", arbiter),
             ("marti.image_bytes", self.layout.image_bytes().to_string()),
-            ("marti.records", records.join(", ")),
+            ("marti.records", format!("{{{}}}", records.join(", "))),
         ];
         entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
     }
 }
 
 /// Turns rows into record batches of one schema.
-pub struct Format {
+pub(super) struct Format {
     schema: SchemaRef,
     /// The names of kinds and of sections, each at its code. Shared by all batches, so that they are written once.
     kinds: ArrayRef,
@@ -56,7 +57,7 @@ pub struct Format {
 }
 
 impl Format {
-    pub fn new(metadata: &Metadata) -> Self {
+    pub(super) fn new(metadata: &Metadata) -> Self {
         let name = || DataType::Dictionary(Box::new(DataType::Int8), Box::new(DataType::Utf8));
         let always = |column: &str, data_type| Field::new(column, data_type, false);
         let sometimes = |column: &str, data_type| Field::new(column, data_type, true);
@@ -85,13 +86,13 @@ impl Format {
         }
     }
 
-    pub fn schema(&self) -> &SchemaRef {
+    pub(super) fn schema(&self) -> &SchemaRef {
         &self.schema
     }
 
     /// # Errors
     /// Never for rows of this program; arrow checks that columns and schema agree.
-    pub fn batch(&self, rows: &[Transaction]) -> Result<RecordBatch, ArrowError> {
+    pub(super) fn batch(&self, rows: &[Transaction]) -> Result<RecordBatch, ArrowError> {
         let u64s = |value: fn(&Transaction) -> u64| -> ArrayRef {
             Arc::new(UInt64Array::from_iter_values(rows.iter().map(value)))
         };
@@ -216,9 +217,8 @@ pub(super) mod tests {
         assert_eq!(entry("marti.format_version"), "1");
         assert_eq!(entry("marti.arbiter"), "round_robin 4");
         assert_eq!(entry("marti.image_bytes"), "1280");
-        assert_eq!(
-            entry("marti.records"),
-            "octree_nodes 8, leaf_lists 10, triangles 3, spheres 0, cones 0, surfaces 3, normals 0, materials 1"
-        );
+        let records: HashMap<String, u64> = serde_json::from_str(entry("marti.records")).expect("JSON");
+        assert_eq!(records.len(), Section::COUNT);
+        assert_eq!((records["octree_nodes"], records["leaf_lists"], records["spheres"]), (8, 10, 0));
     }
 }

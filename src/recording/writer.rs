@@ -4,24 +4,18 @@
 //! once, so that a bus that is killed loses only the rows it had not sent yet. No row is dropped: when
 //! the queue is full, who pushes waits, and the wait is counted.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-use arrow_ipc::writer::StreamWriter;
 use arrow_schema::ArrowError;
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
-use serde::{Deserialize, Serialize};
 
-use super::format::{FORMAT_VERSION, Format, Metadata};
+use super::format::Metadata;
+use super::row_stream::{RowStream, Sidecar};
 use crate::machine::transaction::Transaction;
 
-/// The recording's name once it is whole.
-pub const FILE_NAME: &str = "bus.arrows";
-/// The sidecar's name.
-pub const SIDECAR_NAME: &str = "bus.json";
 /// Most rows of a batch.
 const BATCH_ROWS: usize = 8192;
 /// A batch is sent with fewer rows when its first one completed so long before its last one.
@@ -54,23 +48,6 @@ pub struct Summary {
     pub waits: u64,
 }
 
-/// `bus.json`: by which a reader knows that `bus.arrows` is whole.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Sidecar {
-    pub format_version: u32,
-    pub marti_version: String,
-    pub rows: u64,
-    /// Of `bus.arrows`.
-    pub bytes: u64,
-    /// Of `bus.arrows`.
-    pub crc32c: u32,
-    /// `null` in an empty recording.
-    pub first_sequence: Option<u64>,
-    pub last_sequence: Option<u64>,
-    /// Always true: an incomplete recording has no sidecar.
-    pub complete: bool,
-}
-
 enum Message {
     Rows(Vec<Transaction>),
     /// All rows were sent: make the recording whole.
@@ -98,12 +75,12 @@ impl Writer {
     }
 
     fn start(stream: RowStream) -> Result<Self, RecordingError> {
-        let path = stream.partial.clone();
+        let path = stream.path().to_owned();
         let (sender, messages) = bounded(QUEUE_BATCHES);
         let (report, result) = bounded(1);
         let run = move || {
             // Nobody listens when the writer was dropped and did not wait any longer.
-            let _ = report.send(stream.run(&messages));
+            let _ = report.send(write_all(stream, &messages));
         };
         match thread::Builder::new().name("recording".to_owned()).spawn(run) {
             Ok(_) => Ok(Self { path, batch: Vec::with_capacity(BATCH_ROWS), waits: 0, sender: Some(sender), result }),
@@ -207,114 +184,26 @@ impl Drop for Writer {
     }
 }
 
-/// The thread's end: the file, and what the sidecar will say of it.
-struct RowStream {
-    folder: PathBuf,
-    partial: PathBuf,
-    format: Format,
-    stream: StreamWriter<BufWriter<Checked<File>>>,
-    rows: u64,
-    sequences: Option<(u64, u64)>,
-}
-
-impl RowStream {
-    fn create(folder: &Path, metadata: &Metadata) -> Result<Self, RecordingError> {
-        let partial = folder.join(FILE_NAME).with_extension("arrows.partial");
-        let file = File::create(&partial).map_err(|source| RecordingError::Io { path: partial.clone(), source })?;
-        let format = Format::new(metadata);
-        let file = BufWriter::with_capacity(1 << 18, Checked { inner: file, bytes: 0, crc32c: 0 });
-        let stream = StreamWriter::try_new(file, format.schema())
-            .and_then(|mut stream| stream.flush().map(|()| stream))
-            .map_err(|source| RecordingError::Arrow { path: partial.clone(), source })?;
-        Ok(Self { folder: folder.to_owned(), partial, format, stream, rows: 0, sequences: None })
-    }
-
-    /// Writes batches as they come; `None` when the sender went away before the end.
-    fn run(mut self, messages: &Receiver<Message>) -> Result<Option<Sidecar>, RecordingError> {
-        for message in messages {
-            match message {
-                Message::Rows(rows) => {
-                    self.write(&rows).map_err(|source| RecordingError::Arrow { path: self.partial.clone(), source })?;
-                }
-                Message::End => return self.finish().map(Some),
-            }
+/// The thread: writes batches as they come; `None` when the sender went away before the end.
+fn write_all(mut stream: RowStream, messages: &Receiver<Message>) -> Result<Option<Sidecar>, RecordingError> {
+    for message in messages {
+        match message {
+            Message::Rows(rows) => stream.write(&rows)?,
+            Message::End => return stream.finish().map(Some),
         }
-        Ok(None)
     }
-
-    fn write(&mut self, rows: &[Transaction]) -> Result<(), ArrowError> {
-        self.stream.write(&self.format.batch(rows)?)?;
-        self.stream.flush()?;
-        self.rows += rows.len() as u64;
-        if let (Some(first), Some(last)) = (rows.first(), rows.last()) {
-            let first = self.sequences.map_or(first.sequence, |(first, _)| first);
-            self.sequences = Some((first, last.sequence));
-        }
-        Ok(())
-    }
-
-    fn finish(self) -> Result<Sidecar, RecordingError> {
-        let Self { folder, partial, stream, rows, sequences, .. } = self;
-        let buffered = stream.into_inner().map_err(|source| RecordingError::Arrow { path: partial.clone(), source })?;
-        let whole = folder.join(FILE_NAME);
-        let checked = buffered.get_ref();
-        let in_file = |path: &Path, result: io::Result<()>| {
-            result.map_err(|source| RecordingError::Io { path: path.to_owned(), source })
-        };
-        in_file(&partial, checked.inner.sync_all())?;
-        in_file(&whole, fs::rename(&partial, &whole))?;
-        let sidecar = Sidecar {
-            format_version: FORMAT_VERSION,
-            marti_version: env!("CARGO_PKG_VERSION").to_owned(),
-            rows,
-            bytes: checked.bytes,
-            crc32c: checked.crc32c,
-            first_sequence: sequences.map(|(first, _)| first),
-            last_sequence: sequences.map(|(_, last)| last),
-            complete: true,
-        };
-        let path = folder.join(SIDECAR_NAME);
-        in_file(&path, write_json(&path, &sidecar))?;
-        Ok(sidecar)
-    }
-}
-
-/// Written beside its final name, and renamed when whole.
-fn write_json(path: &Path, sidecar: &Sidecar) -> io::Result<()> {
-    let partial = path.with_extension("json.partial");
-    let mut json = serde_json::to_vec_pretty(sidecar)?;
-    json.push(b'\n');
-    fs::write(&partial, json)?;
-    fs::rename(&partial, path)
-}
-
-/// Counts and checks the bytes on their way to a file.
-struct Checked<W> {
-    inner: W,
-    bytes: u64,
-    crc32c: u32,
-}
-
-impl<W: Write> Write for Checked<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.inner.write(bytes)?;
-        self.bytes += written as u64;
-        self.crc32c = crc32c::crc32c_append(self.crc32c, bytes.get(..written).unwrap_or(bytes));
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.inner.flush()
-    }
+    Ok(None)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::os::unix::fs::symlink;
 
     use arrow_ipc::reader::StreamReader;
 
     use super::super::format::tests::{metadata, row, rows};
+    use super::super::row_stream::{FILE_NAME, SIDECAR_NAME};
     use super::*;
 
     /// The rows of all batches that can be read, up to the end or the first that cannot.
@@ -420,8 +309,7 @@ mod tests {
     fn a_file_that_breaks_on_the_way_is_an_error_for_who_pushes() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut stream = RowStream::create(folder.path(), &metadata()).expect("a folder to write to");
-        let full = File::options().write(true).open("/dev/full").expect("a device that is always full");
-        stream.stream.get_mut().get_mut().inner = full;
+        stream.break_disk();
         let mut writer = Writer::start(stream).expect("a thread");
         let failed = (0..100 * BATCH_ROWS as u64).find_map(|sequence| writer.push(row(sequence)).err());
         let error = failed.expect("no space").to_string();

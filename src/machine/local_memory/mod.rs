@@ -16,7 +16,7 @@ pub use source::LineSource;
 use bytemuck::Pod;
 
 use super::replacement::Replacement;
-use super::stats::{MemoryStats, octree_class, section_class};
+use super::stats::{CLASSES, MemoryStats, octree_class, section_class};
 use super::transaction::FetchRequest;
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
@@ -54,13 +54,17 @@ pub struct LocalMemory<R, S> {
     data: Vec<u8>,
     /// The line's bytes are 2 to this power.
     line_shift: u32,
+    /// The bits of an address that tell the place in a line.
+    offset_mask: u64,
     places: [Place; Section::COUNT],
     source: S,
     /// Fetched lines, on their way to the record and to their slots.
     fetched: Vec<u8>,
     ray_kind: RayKind,
+    /// Records found at once in one line: all that a hit counts. The others are in `stats`.
+    hits: [[u64; CLASSES]; RayKind::COUNT],
     stats: MemoryStats,
-    /// Record accesses since the memory was made.
+    /// Record accesses since the memory was made, without the `hits` of now.
     accesses: u64,
 }
 
@@ -83,10 +87,12 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             directory: Directory::new(geometry, seed),
             data: vec![0; geometry.local_bytes() as usize],
             line_shift: geometry.line_bytes.trailing_zeros(),
+            offset_mask: u64::from(geometry.line_bytes) - 1,
             places: Section::ALL.map(place),
             source,
             fetched: vec![0; RECORD_LINES_MAX * geometry.line_bytes as usize],
             ray_kind: RayKind::Primary,
+            hits: [[0; CLASSES]; RayKind::COUNT],
             stats: MemoryStats::default(),
             accesses: 0,
         }
@@ -98,6 +104,11 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
 
     /// The counts since the last call: those of one tile, when called between tiles.
     pub fn take_stats(&mut self) -> MemoryStats {
+        for (counters, hits) in self.stats.counters.as_flattened_mut().iter_mut().zip(self.hits.as_flattened_mut()) {
+            counters.record_accesses += *hits;
+            counters.line_accesses += *hits;
+            self.accesses += std::mem::take(hits);
+        }
         std::mem::take(&mut self.stats)
     }
 
@@ -118,14 +129,13 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         }
         let start = place.base + u64::from(index) * size_of::<T>() as u64;
         let line = (start >> self.line_shift) as u32;
-        let offset = start as usize & ((1 << self.line_shift) - 1);
-        self.accesses += 1;
-        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
-        counters.record_accesses += 1;
-        if offset + size_of::<T>() <= 1 << self.line_shift
+        let offset = (start & self.offset_mask) as usize;
+        // Sections start on lines, and lines are of at least 16 bytes: such a record never lies in two.
+        let divides_lines = const { 16 % size_of::<T>() == 0 };
+        if (divides_lines || offset + size_of::<T>() <= self.offset_mask as usize + 1)
             && let Some(slot) = self.directory.reference_if_present(line)
         {
-            counters.line_accesses += 1;
+            self.hits[self.ray_kind as usize][class] += 1;
             let from = ((slot as usize) << self.line_shift) + offset;
             return Ok(bytemuck::pod_read_unaligned(&self.data[from..from + size_of::<T>()]));
         }
@@ -158,6 +168,8 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             }
         }
         let counters = &mut self.stats.counters[self.ray_kind as usize][class];
+        self.accesses += 1;
+        counters.record_accesses += 1;
         counters.line_accesses += u64::from(last - first + 1);
         if missing.mask == 0 {
             return Ok(());
@@ -172,7 +184,9 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     #[inline(never)]
     fn fetch(&mut self, missing: &Missing, start: u64, record: &mut [u8]) -> Result<(), MemoryError<S::Error>> {
         let line_bytes = 1usize << self.line_shift;
-        let request = missing.request(self.line_shift, self.accesses - 1);
+        // This access is counted already, and is not before itself.
+        let accesses = self.accesses + self.hits.as_flattened().iter().sum::<u64>();
+        let request = missing.request(self.line_shift, accesses - 1);
         let fetched = &mut self.fetched[..request.bytes() as usize];
         if let Err(error) = self.source.fetch(&request, fetched) {
             // The directory counts the lines as present already, but their data never came.
@@ -320,6 +334,8 @@ mod tests {
         memory: &'a ClusterMemory,
         fetches: u64,
         bytes: u64,
+        /// Of the last request.
+        accesses_before: u64,
         broken: bool,
     }
 
@@ -333,6 +349,7 @@ mod tests {
             }
             self.fetches += 1;
             self.bytes += into.len() as u64;
+            self.accesses_before = request.accesses_before;
             assert_eq!(request.bytes() as usize, into.len());
             self.memory.fetch(request, into).map_err(Some)
         }
@@ -340,7 +357,12 @@ mod tests {
 
     fn counting<R: Replacement>(memory: &ClusterMemory, local: topology::LocalMemory) -> LocalMemory<R, Counting<'_>> {
         let geometry = Geometry::new(&local, &layout()).expect("within ranges");
-        LocalMemory::new(geometry, &layout(), 3, Counting { memory, fetches: 0, bytes: 0, broken: false })
+        LocalMemory::new(
+            geometry,
+            &layout(),
+            3,
+            Counting { memory, fetches: 0, bytes: 0, accesses_before: 0, broken: false },
+        )
     }
 
     /// Reads a record as the tracer would, as bytes.
@@ -437,12 +459,16 @@ mod tests {
         // Triangle 1 is bytes 40 to 79 of its section, which starts on a line: lines 0 and 1.
         memory.triangle(1).expect("in range");
         memory.triangle(0).expect("in range");
+        memory.triangle(0).expect("in range");
         let stats = memory.take_stats();
         let counted = stats.counters[RayKind::Shadow as usize][section_class(Section::Triangles)];
-        assert_eq!(counted, Counters { record_accesses: 2, record_misses: 1, line_accesses: 3, line_misses: 2 });
+        assert_eq!(counted, Counters { record_accesses: 3, record_misses: 1, line_accesses: 4, line_misses: 2 });
         assert_eq!(stats.total(), counted);
-        assert_eq!(stats.words_read(), 20);
+        assert_eq!(stats.words_read(), 30);
         assert_eq!(memory.take_stats(), MemoryStats::default());
+        // The accesses before a fetch are counted on, whatever was taken.
+        memory.sphere(0).expect("in range");
+        assert_eq!(memory.source_mut().accesses_before, 3);
     }
 
     #[test]

@@ -40,26 +40,27 @@ impl Replacement for Lru {
     fn hit(&mut self, slot: u32) {
         // A ray reads neighbouring records: most hits are of the newest line, and change nothing.
         if self.links[slot as usize].newer != NONE {
-            self.unlink(slot);
-            self.push(slot);
+            let set = slot / self.ways;
+            self.unlink(slot, set);
+            self.push(slot, set);
         }
     }
 
     fn victim(&mut self, set: u32) -> u32 {
         let oldest = self.sets[set as usize].oldest;
-        self.unlink(oldest);
+        self.unlink(oldest, set);
         oldest
     }
 
     fn fill(&mut self, slot: u32) {
-        self.push(slot);
+        self.push(slot, slot / self.ways);
     }
 }
 
 impl Lru {
-    fn unlink(&mut self, slot: u32) {
+    fn unlink(&mut self, slot: u32, set: u32) {
         let Link { newer, older } = self.links[slot as usize];
-        let ends = &mut self.sets[(slot / self.ways) as usize];
+        let ends = &mut self.sets[set as usize];
         match newer {
             NONE => ends.newest = older,
             newer => self.links[newer as usize].older = older,
@@ -71,8 +72,8 @@ impl Lru {
     }
 
     /// Makes an unlinked slot the newest of its set.
-    fn push(&mut self, slot: u32) {
-        let ends = &mut self.sets[(slot / self.ways) as usize];
+    fn push(&mut self, slot: u32, set: u32) {
+        let ends = &mut self.sets[set as usize];
         let older = std::mem::replace(&mut ends.newest, slot);
         match older {
             NONE => ends.oldest = slot,
