@@ -47,7 +47,7 @@ fn octree_nodes<P: MemoryPort>(port: &mut P, indices: &[u32]) -> u32 {
 
 fn triangles<P: MemoryPort>(port: &mut P, indices: &[u32]) -> f32 {
     indices.iter().fold(0.0, |sum, &i| match port.triangle(i) {
-        Ok(triangle) => sum + triangle.vertices[2][1],
+        Ok(triangle) => sum + triangle.coordinates[1][2],
         Err(_) => unreachable!("the index is in range, and the source cannot fail"),
     })
 }

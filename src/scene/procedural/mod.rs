@@ -1,6 +1,7 @@
 //! Scenes written from their definitions: the ones of Haines' Standard Procedural Databases (SPD)
 //! that the paper uses, and two more.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Which procedural scene, and how large.
@@ -11,7 +12,7 @@ pub struct Procedural {
     pub size: u32,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     Gears,
