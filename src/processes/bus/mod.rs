@@ -5,8 +5,6 @@
 mod client;
 pub mod memory_loop;
 pub mod state;
-#[cfg(test)]
-mod tests;
 
 use std::net::IpAddr;
 use std::thread;
@@ -152,3 +150,6 @@ fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
     tracing::warn!("{incident}");
     Some(BusReport::Incident(incident))
 }
+
+#[cfg(test)]
+mod tests;
