@@ -13,6 +13,7 @@ pub mod database;
 pub mod ids;
 pub mod image_file;
 pub mod machine;
+pub mod preparation;
 pub mod processes;
 pub mod protocol;
 pub mod recording;

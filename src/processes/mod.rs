@@ -4,7 +4,10 @@
 pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
+pub mod display;
+pub mod manager;
+pub mod master;
 pub mod node;
 
-pub use bootstrap::Child;
+pub use bootstrap::{Child, StartError};
 pub use control_link::ControlLink;

@@ -1,8 +1,30 @@
 //! Scenes written from their definitions: the ones of Haines' Standard Procedural Databases (SPD)
 //! that the paper uses, and two more.
+//!
+//! E. Haines, *A Proposal for Standard Graphics Environments*, IEEE Computer Graphics and Applications
+//! 7 (11), 1987. The definitions are his; sizes, order, materials, lights and views are as in SPD 3.14.
 
+mod balls;
+mod gears;
+mod teapot;
+mod teapot_patches;
+mod tetra;
+mod writer;
+
+use std::fmt;
+use std::io::{self, BufWriter, Write};
+use std::ops::RangeInclusive;
+use std::path::Path;
+use std::str::FromStr;
+
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use writer::write_nff;
+
+use super::{Camera, Light, Material, Polygon, Scene};
+use crate::atomic_file;
 
 /// Which procedural scene, and how large.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,8 +37,307 @@ pub struct Procedural {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
+    /// n³ interlocked gears: 2n³ concave polygons of 144 vertices and 144n³ quadrilaterals, and a ground.
     Gears,
+    /// The Utah teapot, each of its 32 patches cut into 2n² triangles, on a chequerboard of n² squares.
     Teapot,
+    /// Spheres that carry nine smaller ones each, n levels deep: (9ⁿ⁺¹ − 1)/8, and a ground.
     Balls,
+    /// A pyramid of 4ⁿ⁻¹ tetrahedra.
     Tetra,
+}
+
+/// A size that the kind does not have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{kind} of size {size} are not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+pub struct SizeError {
+    pub kind: Kind,
+    pub size: u32,
+}
+
+/// No such procedural scene.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0:?} is not a procedural scene, expected gears, teapot, balls or tetra")]
+pub struct KindError(String);
+
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    #[error(transparent)]
+    Size(#[from] SizeError),
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl Kind {
+    pub const ALL: [Self; 4] = [Self::Gears, Self::Teapot, Self::Balls, Self::Tetra];
+
+    /// As in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gears => "gears",
+            Self::Teapot => "teapot",
+            Self::Balls => "balls",
+            Self::Tetra => "tetra",
+        }
+    }
+
+    pub const fn default_size(self) -> u32 {
+        match self {
+            Self::Gears | Self::Balls => 4,
+            Self::Teapot => 12,
+            Self::Tetra => 6,
+        }
+    }
+
+    /// The sizes that can be made: the largest is the last one below 40 million triangles and spheres.
+    /// A teapot of size 1 has patches without area at its cusps.
+    pub const fn sizes(self) -> RangeInclusive<u32> {
+        match self {
+            Self::Gears => 1..=41,
+            Self::Teapot => 2..=778,
+            Self::Balls => 1..=7,
+            Self::Tetra => 1..=12,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Kind {
+    type Err = KindError;
+
+    fn from_str(name: &str) -> Result<Self, KindError> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| KindError(name.to_owned()))
+    }
+}
+
+impl Procedural {
+    /// `None`: SPD's default size.
+    ///
+    /// # Errors
+    /// The kind is not made in this size.
+    pub fn new(kind: Kind, size: Option<u32>) -> Result<Self, SizeError> {
+        let size = size.unwrap_or(kind.default_size());
+        if kind.sizes().contains(&size) { Ok(Self { kind, size }) } else { Err(SizeError { kind, size }) }
+    }
+
+    /// The scene in full precision; files have six digits.
+    pub fn scene(&self) -> Scene {
+        match self.kind {
+            Kind::Gears => gears::scene(self.size),
+            Kind::Teapot => teapot::scene(self.size),
+            Kind::Balls => balls::scene(self.size),
+            Kind::Tetra => tetra::scene(self.size),
+        }
+    }
+}
+
+/// Makes a procedural scene and writes it as NFF: to a file that is there whole or not at all, or to
+/// standard output.
+///
+/// # Errors
+/// The kind is not made in this size, or the output cannot be written. A reader of standard output that
+/// has seen enough (`| head`) is no error.
+pub fn write(kind: Kind, size: Option<u32>, file: Option<&Path>) -> Result<(), WriteError> {
+    let scene = Procedural::new(kind, size)?.scene();
+    match file {
+        Some(file) => atomic_file::write(file, |out| write_nff(&scene, out))?,
+        None => {
+            let mut out = BufWriter::new(io::stdout().lock());
+            match write_nff(&scene, &mut out).and_then(|()| out.flush()) {
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
+                written => written?,
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What all SPD scenes have: the sky blue background, an angle of 45°, 512 × 512 pixels, and lights that
+/// share a brightness of 1/√n.
+fn empty_scene<const LIGHTS: usize>(from: DVec3, at: DVec3, up: DVec3, lights: [DVec3; LIGHTS]) -> Scene {
+    let colour = DVec3::splat(1.0 / (LIGHTS as f64).sqrt());
+    Scene {
+        camera: Some(Camera { from, at, up, angle_degrees: 45.0, resolution: Some((512, 512)) }),
+        background: DVec3::new(0.078, 0.361, 0.753),
+        lights: lights.map(|position| Light { position, colour }).into(),
+        ..Scene::default()
+    }
+}
+
+/// The Phong exponent whose highlight has fallen to one half at this angle.
+fn shine(half_angle_degrees: f64) -> f64 {
+    libm::log(0.5) / libm::log(libm::cos(half_angle_degrees.to_radians()))
+}
+
+/// The exponent that SPD writes for surfaces without a highlight.
+const NO_SHINE: f64 = 100_000.0;
+
+impl Scene {
+    /// Adds the material of what is added after it.
+    fn set_material(&mut self, material: Material) {
+        self.materials.push(material);
+    }
+
+    fn material(&self) -> u32 {
+        self.materials.len() as u32 - 1
+    }
+
+    fn add_polygon(&mut self, corners: &[DVec3]) {
+        let first_vertex = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(corners);
+        let (vertex_count, material) = (corners.len() as u32, self.material());
+        self.polygons.push(Polygon { first_vertex, vertex_count, first_normal: None, material });
+    }
+
+    fn add_smooth_polygon(&mut self, corners: &[DVec3], normals: &[DVec3]) {
+        let first_normal = Some(self.normals.len() as u32);
+        self.normals.extend_from_slice(normals);
+        self.add_polygon(corners);
+        if let Some(polygon) = self.polygons.last_mut() {
+            polygon.first_normal = first_normal;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::scene::nff;
+
+    /// Output of SPD itself; `None`, loudly, where it is not there.
+    pub(super) fn reference(name: &str) -> Option<PathBuf> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/reference/scenes").join(name);
+        if path.exists() {
+            return Some(path);
+        }
+        eprintln!("SKIPPED: {} is absent, nothing was compared", path.display());
+        None
+    }
+
+    pub(super) const REFERENCES: [(Kind, u32, &str); 4] = [
+        (Kind::Gears, 2, "gears2.nff"),
+        (Kind::Teapot, 12, "teapot12.nff"),
+        (Kind::Balls, 4, "balls4.nff"),
+        (Kind::Tetra, 6, "tetra6.nff"),
+    ];
+
+    fn assert_close(what: &str, ours: DVec3, theirs: DVec3) {
+        assert!((ours - theirs).abs().max_element() <= 1e-5, "{what}: {ours} is not {theirs}");
+    }
+
+    fn assert_same_scene(ours: &Scene, theirs: &Scene) {
+        let counts = |s: &Scene| (s.polygons.len(), s.vertices.len(), s.normals.len(), s.spheres.len(), s.cones.len());
+        assert_eq!(counts(ours), counts(theirs));
+        assert_eq!(ours.polygons, theirs.polygons, "vertex counts, kinds or materials, in order");
+        for (&a, &b) in ours.vertices.iter().zip(&theirs.vertices) {
+            assert_close("vertex", a, b);
+        }
+        for (&a, &b) in ours.normals.iter().zip(&theirs.normals) {
+            assert_close("normal", a, b);
+        }
+        for (a, b) in ours.spheres.iter().zip(&theirs.spheres) {
+            assert_close("centre", a.centre, b.centre);
+            assert!((a.radius - b.radius).abs() <= 1e-5 && a.material == b.material);
+        }
+        assert_eq!(ours.materials.len(), theirs.materials.len());
+        for (a, b) in ours.materials.iter().zip(&theirs.materials) {
+            assert_close("diffuse", a.diffuse, b.diffuse);
+            assert_close("highlight", a.highlight, b.highlight);
+            assert_close("reflection", a.reflection, b.reflection);
+            let scalars = |m: &Material| DVec3::new(m.shine, m.transmittance, m.ior);
+            assert_close("shine, T, ior", scalars(a), scalars(b));
+        }
+        assert_eq!(ours.lights.len(), theirs.lights.len());
+        for (a, b) in ours.lights.iter().zip(&theirs.lights) {
+            assert_close("light", a.position, b.position);
+            assert_eq!(a.colour, b.colour);
+        }
+        let (a, b) = (ours.camera.expect("a camera"), theirs.camera.expect("a camera"));
+        assert_close("from", a.from, b.from);
+        assert_close("at", a.at, b.at);
+        assert_close("up", a.up, b.up);
+        assert_eq!((a.angle_degrees, a.resolution), (b.angle_degrees, b.resolution));
+        assert_eq!(ours.background, theirs.background);
+    }
+
+    #[test]
+    fn scenes_are_those_of_spd() {
+        for (kind, size, name) in REFERENCES {
+            let Some(path) = reference(name) else { return };
+            let theirs = nff::load(&path).expect("a reference scene");
+            assert_same_scene(&Procedural { kind, size }.scene(), &theirs);
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back_as_the_same_scene() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for kind in Kind::ALL {
+            let size = *kind.sizes().start() + 1;
+            let file = folder.path().join(format!("{kind}.nff"));
+            write(kind, Some(size), Some(&file)).expect("written");
+            assert_same_scene(&nff::load(&file).expect("valid"), &Procedural { kind, size }.scene());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4, "nothing but the four files");
+    }
+
+    #[test]
+    fn primitives_are_as_many_as_the_definitions_say() {
+        let scene = |kind, size| Procedural { kind, size }.scene();
+        let gears = scene(Kind::Gears, 4);
+        let quads = gears.polygons.iter().filter(|p| p.vertex_count == 4).count();
+        assert_eq!((quads, gears.polygons.len() - quads), (9217, 128));
+        let teapot = scene(Kind::Teapot, 90);
+        let smooth = teapot.polygons.iter().filter(|p| p.first_normal.is_some()).count();
+        assert_eq!((smooth, teapot.polygons.len() - smooth), (517_680, 8100));
+        assert_eq!(scene(Kind::Tetra, 10).polygons.len(), 1_048_576);
+        for size in 1..=5 {
+            assert_eq!(scene(Kind::Balls, size).spheres.len(), (9usize.pow(size + 1) - 1) / 8);
+        }
+    }
+
+    #[test]
+    fn every_teapot_has_unit_normals() {
+        for size in (2..40).chain([90]) {
+            let teapot = Procedural { kind: Kind::Teapot, size }.scene();
+            assert!(teapot.normals.iter().all(|normal| normal.is_normalized()), "size {size}");
+        }
+    }
+
+    #[test]
+    fn the_largest_sizes_stay_below_forty_million() {
+        let primitives = |kind, n: u64| match kind {
+            Kind::Gears => n.pow(3) * (144 * 2 + 2 * 142) + 2,
+            Kind::Teapot => 64 * n * n - 8 * n + 2 * n * n,
+            Kind::Balls => (9u64.pow(n as u32 + 1) - 1) / 8,
+            Kind::Tetra => 4u64.pow(n as u32),
+        };
+        for kind in Kind::ALL {
+            let largest = u64::from(*kind.sizes().end());
+            assert!(primitives(kind, largest) <= 40_000_000, "{kind}");
+            assert!(primitives(kind, largest + 1) > 40_000_000, "{kind}");
+        }
+    }
+
+    #[test]
+    fn sizes_and_names_are_checked() {
+        assert_eq!(Procedural::new(Kind::Tetra, None), Ok(Procedural { kind: Kind::Tetra, size: 6 }));
+        for kind in Kind::ALL {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+            assert!(kind.sizes().contains(&kind.default_size()));
+            assert!(Procedural::new(kind, Some(0)).is_err());
+            assert!(Procedural::new(kind, Some(u32::MAX)).is_err());
+        }
+        let error = Procedural::new(Kind::Gears, Some(42)).expect_err("too large");
+        assert_eq!(error.to_string(), "gears of size 42 are not made, expected a size from 1 to 41");
+        let error = "cube".parse::<Kind>().expect_err("no such kind");
+        assert_eq!(error.to_string(), "\"cube\" is not a procedural scene, expected gears, teapot, balls or tetra");
+    }
 }
