@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Failure;
 use super::options::OutputOptions;
+use super::{Exit, Failure, print};
+use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
+use crate::report::text;
 use crate::topology::{Override, Topology};
 
 /// Render a topology with all its processes
@@ -35,6 +37,24 @@ impl RunArguments {
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
-    let folder = arguments.folder(&topology);
-    Err(Failure::failed(format!("not built yet: a run into {}", folder.display())))
+    let outcome = manager::run(RunRequest {
+        out: arguments.folder(&topology),
+        topology,
+        aov: arguments.output.aov(),
+        exr: arguments.output.exr(),
+        quiet: arguments.quiet,
+    })
+    .map_err(|error| {
+        let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };
+        Failure::new(exit, error.to_string())
+    })?;
+    if !arguments.quiet {
+        print(&text::summary(&outcome.report))?;
+    }
+    match outcome.end {
+        RunEnd::Done => Ok(()),
+        RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
+        RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
+        RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
+    }
 }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use conservation::Conservation;
 pub use memory::{Memory, NodeMemory};
 
+use crate::tracer::octree::census::Census;
 use crate::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
@@ -118,6 +119,28 @@ pub struct Octree {
     pub levels: Vec<OctreeLevel>,
 }
 
+impl Octree {
+    /// Of an octree that no ray has visited.
+    pub fn new(census: &Census) -> Self {
+        let total = census.total();
+        Self {
+            nodes: total.nodes(),
+            leaves: total.leaves + total.empty_leaves,
+            references: total.references,
+            depth: census.depth(),
+            levels: census.levels.iter().map(|level| OctreeLevel { nodes: level.nodes(), accesses: 0 }).collect(),
+        }
+    }
+
+    #[must_use]
+    pub fn with_accesses(mut self, trace: &TraceStats) -> Self {
+        for (level, accesses) in self.levels.iter_mut().zip(trace.octree_accesses) {
+            level.accesses = accesses;
+        }
+        self
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OctreeLevel {
     pub nodes: u64,
@@ -129,6 +152,12 @@ pub struct OctreeLevel {
 pub struct Tests {
     pub primitive: u64,
     pub mailbox_skips: u64,
+}
+
+impl Tests {
+    pub fn new(trace: &TraceStats) -> Self {
+        Self { primitive: trace.primitive_tests, mailbox_skips: trace.mailbox_skips }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

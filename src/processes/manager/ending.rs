@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::Interrupt;
 use super::process::{Process, ProcessId, Stage};
 use super::state::{Phase, State};
 use crate::protocol::hello::Role;
@@ -22,8 +23,7 @@ pub(super) enum Cause {
     Complete,
     /// All nodes are set aside.
     NoNodes,
-    /// By SIGINT or SIGTERM.
-    Interrupted(i32),
+    Interrupted(Interrupt),
     /// A process that cannot be replaced died; which, and how.
     Failed(String),
 }
@@ -75,8 +75,8 @@ impl State {
     }
 
     /// The first signal ends the run and keeps the partial image, the second one ends everything at once.
-    pub(super) fn interrupt(&mut self, signal: i32) {
-        self.ledger.incident(self.now, format!("interrupted by signal {signal}"));
+    pub(super) fn interrupt(&mut self, signal: Interrupt) {
+        self.ledger.incident(self.now, format!("interrupted by {signal}"));
         match &mut self.phase {
             Phase::Starting | Phase::Running => self.end(Cause::Interrupted(signal)),
             Phase::Ending(ending) if matches!(ending.cause, Cause::Complete | Cause::NoNodes) => {

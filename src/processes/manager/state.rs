@@ -6,6 +6,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use super::Interrupt;
 use super::ending::{Cause, Ending};
 use super::job_queue::JobQueue;
 use super::ledger::Ledger;
@@ -34,8 +35,7 @@ pub(super) enum Event {
     UploadFailed(String),
     /// Somebody was not let in at the manager's port.
     Refused(String),
-    /// SIGINT or SIGTERM.
-    Signal(i32),
+    Signal(Interrupt),
     Tick,
 }
 

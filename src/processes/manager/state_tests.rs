@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use super::Interrupt;
 use super::ending::Cause;
 use super::process::{Command, ProcessId, Report};
 use super::sample;
@@ -243,7 +244,7 @@ fn a_dead_server_ends_the_run_and_is_named() {
 #[test]
 fn an_interrupted_run_is_over_in_time_whoever_hangs() {
     let mut stage = Stage::running(1, 4);
-    assert!(stage.happens(Event::Signal(2)).contains(&Action::Kill(node(0, 0))));
+    assert!(stage.happens(Event::Signal(Interrupt::Sigint)).contains(&Action::Kill(node(0, 0))));
     let interrupted = stage.now;
     stage.exits(node(0, 0));
     // Nobody answers any more, not even to being killed.
@@ -252,13 +253,13 @@ fn an_interrupted_run_is_over_in_time_whoever_hangs() {
         stage.happens(Event::Tick);
         assert!(stage.now < interrupted + Duration::from_secs(4));
     }
-    assert_eq!(stage.state.over(), Some(&Cause::Interrupted(2)));
+    assert_eq!(stage.state.over(), Some(&Cause::Interrupted(Interrupt::Sigint)));
 }
 
 #[test]
 fn an_interrupted_run_kills_a_master_that_hangs_and_keeps_the_image() {
     let mut stage = Stage::running(1, 4);
-    stage.happens(Event::Signal(15));
+    stage.happens(Event::Signal(Interrupt::Sigterm));
     let interrupted = stage.now;
     assert!(stage.exits(node(0, 0)).contains(&finish_display()));
     stage.display(DisplayReport::Finished(display_totals()));
@@ -274,13 +275,13 @@ fn an_interrupted_run_kills_a_master_that_hangs_and_keeps_the_image() {
 #[test]
 fn a_second_signal_kills_everybody_at_once() {
     let mut stage = Stage::running(1, 4);
-    stage.happens(Event::Signal(2));
-    let actions = stage.happens(Event::Signal(2));
+    stage.happens(Event::Signal(Interrupt::Sigint));
+    let actions = stage.happens(Event::Signal(Interrupt::Sigint));
     for id in [BUS, MASTER, DISPLAY, node(0, 0)] {
         assert!(actions.contains(&Action::Kill(id)), "{id}");
     }
     [BUS, MASTER, DISPLAY, node(0, 0)].map(|id| stage.exits(id));
-    assert_eq!(stage.state.over(), Some(&Cause::Interrupted(2)));
+    assert_eq!(stage.state.over(), Some(&Cause::Interrupted(Interrupt::Sigint)));
 }
 
 #[test]
