@@ -150,3 +150,6 @@ fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
     tracing::warn!("{incident}");
     Some(BusReport::Incident(incident))
 }
+
+#[cfg(test)]
+mod tests;

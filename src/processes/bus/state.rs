@@ -213,3 +213,185 @@ fn name(message: &MemoryRequest) -> &'static str {
         MemoryRequest::Pixels { .. } => "pixels",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::PREFIX_BYTES;
+    use crate::database::Section;
+    use crate::ids::{Address, Attempt, ClusterId, NodeId, TileId};
+    use crate::machine::transaction::Kind;
+    use crate::topology::Arbiter;
+
+    const NODE: Initiator = Initiator::Node(NodeId(1));
+
+    /// 64 octree nodes in one granule, 100 materials in the next ones; byte i of the image is i mod 251.
+    fn image() -> Vec<u8> {
+        (0..layout().image_bytes()).map(|i| (i % 251) as u8).collect()
+    }
+
+    fn layout() -> Layout {
+        Layout::new([64, 0, 0, 0, 0, 0, 0, 100]).expect("small")
+    }
+
+    fn loaded(arbiter: Arbiter) -> State {
+        let configuration =
+            BusConfiguration { cluster: ClusterId(0), arbiter, layout: layout(), recording: "unused".into() };
+        let mut state = State::new(&configuration, Epoch(2));
+        let (reply, _) =
+            exchange(&mut state, Initiator::Loader, MemoryRequest::Store { address: Address(0) }, &image())
+                .expect("in order");
+        assert_eq!(codec::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Stored, &[][..])));
+        state
+    }
+
+    fn exchange(
+        state: &mut State,
+        initiator: Initiator,
+        message: MemoryRequest,
+        bulk: &[u8],
+    ) -> Result<(Vec<u8>, Transaction), Refusal> {
+        state.request(initiator, message, bulk, 10)?;
+        let grant = state.grant(20).expect("the only one");
+        let mut out = Vec::new();
+        let transaction = state.serve(grant, &mut out, || 30)?;
+        Ok((out, transaction))
+    }
+
+    fn fetch(address: u64, line_bytes: u16, lines: u32) -> MemoryRequest {
+        let section = layout().section_at(Address(address)).unwrap_or(Section::Materials);
+        let (tile, attempt) = (TileId(4), Attempt(1));
+        MemoryRequest::Fetch {
+            tile,
+            attempt,
+            section,
+            address: Address(address),
+            line_bytes,
+            lines,
+            accesses_before: 9,
+        }
+    }
+
+    #[test]
+    fn a_fetch_brings_the_lines_of_its_mask_and_a_row() {
+        let mut state = loaded(Arbiter::Fifo);
+        let (reply, row) = exchange(&mut state, NODE, fetch(256, 64, 0b1011), &[]).expect("good");
+        let expected = [&image()[256..384], &image()[448..512]].concat();
+        assert_eq!(codec::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Data { bytes: 192 }, &expected[..])));
+        assert_eq!((row.kind, row.sequence, row.epoch, row.bytes), (Kind::Fetch, 1, Epoch(2), 192));
+        assert_eq!((row.node, row.tile, row.attempt), (Some(NodeId(1)), Some(TileId(4)), Some(Attempt(1))));
+        assert_eq!(row.crc32c, Some(crc32c::crc32c(&expected)));
+        assert_eq!((row.request_nanoseconds, row.grant_nanoseconds, row.completion_nanoseconds), (10, 20, 30));
+    }
+
+    #[test]
+    fn what_may_not_be_asked_is_refused_and_the_bus_is_free_after_it() {
+        let mut state = loaded(Arbiter::Fifo);
+        let end = layout().image_bytes();
+        let (tile, attempt, node) = (TileId(0), Attempt(0), NodeId(0));
+        let bulk = |address, bytes| MemoryRequest::Bulk { address: Address(address), bytes };
+        let job = MemoryRequest::Job { node, tile, attempt, bytes: 4 };
+        let wrong_section = MemoryRequest::Fetch {
+            tile,
+            attempt,
+            section: Section::Spheres,
+            address: Address(0),
+            line_bytes: 64,
+            lines: 1,
+            accesses_before: 0,
+        };
+        let cases: [(Initiator, MemoryRequest, &[u8], &str); 17] = [
+            (NODE, MemoryRequest::Store { address: Address(end) }, &[1], "a store is not for this process"),
+            (Initiator::Master, MemoryRequest::Store { address: Address(end) }, &[1], "a store is not"),
+            (NODE, job.clone(), &[], "a job is not for this process"),
+            (Initiator::Loader, job, &[], "a job is not for this process"),
+            (Initiator::Loader, fetch(0, 64, 1), &[], "a fetch is not for this process"),
+            (Initiator::Master, bulk(0, 4), &[], "a bulk read is not for this process"),
+            (NODE, fetch(0, 64, 1), &[1, 2], "a fetch with 2 bulk bytes, expected none"),
+            (Initiator::Loader, MemoryRequest::Store { address: Address(end) }, &[], "expected the bytes to store"),
+            (Initiator::Loader, MemoryRequest::Store { address: Address(0) }, &[1; 256], "in order"),
+            (Initiator::Loader, MemoryRequest::Store { address: Address(end) }, &[1; 256], "outside of the image"),
+            (NODE, bulk(0, 0), &[], "a range of 0 bytes"),
+            (NODE, bulk(0, BULK_BYTES_MAX + 1), &[], "expected 1 to 4194304"),
+            (NODE, bulk(end - 4, 8), &[], "outside of the image"),
+            (NODE, bulk(u64::MAX, 8), &[], "outside of the image"),
+            (NODE, fetch(0, 48, 1), &[], "power of two"),
+            (NODE, fetch(32, 64, 1), &[], "multiple of its line"),
+            (NODE, wrong_section, &[], "section"),
+        ];
+        for (initiator, message, bulk, expected) in cases {
+            let refusal = exchange(&mut state, initiator, message.clone(), bulk).expect_err(expected).to_string();
+            assert!(refusal.contains(expected), "{message:?}: {refusal}");
+        }
+        for (message, expected) in [
+            (fetch(0, 8, 1), "16 to 256"),
+            (fetch(0, 512, 1), "16 to 256"),
+            (fetch(0, 64, 0b10), "first line"),
+            (fetch(end - 64, 64, 0b11), "outside of the image"),
+            (fetch(1 << 40, 64, 1), "outside of the image"),
+        ] {
+            let refusal = exchange(&mut state, NODE, message.clone(), &[]).expect_err(expected).to_string();
+            assert!(refusal.contains(expected), "{message:?}: {refusal}");
+        }
+        assert!(exchange(&mut state, NODE, fetch(end - 64, 64, 1), &[]).is_ok());
+        assert_eq!(state.totals(&[]).transactions, 2, "the upload and the last fetch");
+    }
+
+    #[test]
+    fn nothing_is_fetched_before_it_is_uploaded() {
+        let configuration = BusConfiguration {
+            cluster: ClusterId(0),
+            arbiter: Arbiter::Fifo,
+            layout: layout(),
+            recording: "unused".into(),
+        };
+        let mut state = State::new(&configuration, Epoch(0));
+        let refusal = exchange(&mut state, NODE, fetch(0, 64, 1), &[]).expect_err("empty").to_string();
+        assert!(refusal.contains("not uploaded yet"), "{refusal}");
+    }
+
+    #[test]
+    fn the_arbiter_decides_who_is_next() {
+        let nodes = [3, 0, 2].map(|n| Initiator::Node(NodeId(n)));
+        for (arbiter, expected) in [(Arbiter::Fifo, [3, 0, 2]), (Arbiter::FixedPriority, [0, 2, 3])] {
+            let mut state = loaded(arbiter);
+            for node in nodes {
+                state.request(node, fetch(0, 16, 1), &[], 0).expect("good");
+            }
+            let granted = [(); 3].map(|()| {
+                let grant = state.grant(1).expect("three wait");
+                assert!(state.grant(1).is_none(), "one transaction at a time");
+                let node = grant.initiator;
+                state.serve(grant, &mut Vec::new(), || 2).expect("good");
+                node
+            });
+            assert_eq!(granted, expected.map(|n| Initiator::Node(NodeId(n))), "{arbiter:?}");
+        }
+    }
+
+    #[test]
+    fn totals_tell_the_lost_apart() {
+        let mut state = loaded(Arbiter::Fifo);
+        let (tile, attempt) = (TileId(4), Attempt(1));
+        exchange(&mut state, NODE, fetch(0, 64, 0b111), &[]).expect("good");
+        exchange(&mut state, NODE, fetch(256, 16, 1), &[]).expect("good");
+        exchange(&mut state, Initiator::Node(NodeId(2)), fetch(0, 128, 1), &[]).expect("good");
+        exchange(&mut state, NODE, MemoryRequest::Bulk { address: Address(0), bytes: 100 }, &[]).expect("good");
+        exchange(&mut state, NODE, MemoryRequest::Pixels { tile, attempt, bytes: 75 }, &[]).expect("good");
+        let job = MemoryRequest::Job { node: NodeId(1), tile, attempt, bytes: 4 };
+        let (reply, row) = exchange(&mut state, Initiator::Master, job, &[]).expect("good");
+        assert!(reply.is_empty(), "a job is not answered");
+        assert_eq!((row.kind, row.node), (Kind::Job, Some(NodeId(1))));
+        let expected = BusTotals {
+            transactions: 7,
+            fetches: 3,
+            fetched_bytes: 192 + 16 + 128,
+            bulk_bytes: 100,
+            message_bytes: 75 + 4,
+            fetches_of_lost_attempts: 2,
+            fetched_bytes_of_lost_attempts: 192 + 16,
+            ..BusTotals::default()
+        };
+        assert_eq!(state.totals(&[LostAttempt { node: NodeId(1), tile, attempt }]), expected);
+    }
+}

@@ -174,3 +174,6 @@ async fn receive_until(
     }
     .map_err(NodeError::from)
 }
+
+#[cfg(test)]
+mod tests;

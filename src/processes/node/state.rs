@@ -73,7 +73,7 @@ pub struct State {
     tiling: Tiling,
     asked: usize,
     /// Sent to the display, not acknowledged.
-    sent: Vec<Box<TileDone>>,
+    sent: Vec<TileDone>,
 }
 
 impl State {
@@ -102,14 +102,14 @@ impl State {
             }
             Event::Traced(Traced { done, planes }) => {
                 let (tile, attempt) = (done.tile, done.attempt);
-                self.sent.push(done);
+                self.sent.push(*done);
                 Ok(vec![Action::SendPixels { tile, attempt, planes }])
             }
             Event::Acknowledged { tile, attempt } => {
                 let sent = self.sent.iter().position(|done| (done.tile, done.attempt) == (tile, attempt));
                 let done = self.sent.swap_remove(sent.ok_or(Violation::NotSent { tile, attempt })?);
                 self.asked += 1;
-                Ok(vec![Action::TellDone(done), Action::AskForTile])
+                Ok(vec![Action::TellDone(Box::new(done)), Action::AskForTile])
             }
         }
     }

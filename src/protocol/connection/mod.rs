@@ -7,8 +7,6 @@ pub mod blocking;
 pub mod handshake;
 pub mod listener;
 pub mod read_buffer;
-#[cfg(test)]
-mod tests;
 
 use std::io;
 use std::marker::PhantomData;
@@ -287,3 +285,6 @@ impl<M: Message> Receiver<M> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
