@@ -1,1 +1,13 @@
-fn main() {}
+//! The node process; `marti run` starts it.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match marti::processes::node::run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -79,10 +79,7 @@ impl Records {
             .map_err(|error| CompileError::Polygon { polygon: id, why: error.to_string() })?;
         for ear in triangles {
             let corner = |i: usize| f32s(self.normalisation.point(corners[ear.corners[i] as usize]));
-            self.triangles.push(Triangle {
-                vertices: [corner(0), corner(1), corner(2)],
-                tag: (id as u32) << 3 | u32::from(ear.interior_edges),
-            });
+            self.triangles.push(Triangle::new([corner(0), corner(1), corner(2)], id as u32, ear.interior_edges));
             let normals = polygon.first_normal.map_or(Surface::FLAT, |first| {
                 let normal = |i: usize| f32s(scene.normals[first as usize + ear.corners[i] as usize]);
                 self.normals.push(Normals([normal(0), normal(1), normal(2)]));

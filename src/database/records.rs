@@ -3,6 +3,7 @@
 //! All fields are 32-bit little-endian words; a record has no padding.
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 
 /// An octree node, 4 bytes: no coordinates, HERO derives the planes (paper, section 2.1).
 ///
@@ -86,13 +87,26 @@ pub struct PrimitiveId(pub u32);
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Triangle {
-    pub vertices: [[f32; 3]; 3],
+    /// By axis, then by vertex: a ray takes whole axes in the order that suits its direction.
+    pub coordinates: [[f32; 3]; 3],
     /// Bits 31–3: the polygon this triangle is a part of. Bit i (0 to 2): the edge from vertex i to the next
     /// one is inside the polygon, not an edge of it.
     pub tag: u32,
 }
 
 impl Triangle {
+    pub fn new(vertices: [[f32; 3]; 3], polygon: u32, interior_edges: u8) -> Self {
+        let axis = |a: usize| [vertices[0][a], vertices[1][a], vertices[2][a]];
+        Self { coordinates: [axis(0), axis(1), axis(2)], tag: polygon << 3 | u32::from(interior_edges) }
+    }
+
+    /// The vertices, exactly.
+    pub fn vertices(&self) -> [DVec3; 3] {
+        let [x, y, z] = &self.coordinates;
+        let vertex = |v: usize| DVec3::new(f64::from(x[v]), f64::from(y[v]), f64::from(z[v]));
+        [vertex(0), vertex(1), vertex(2)]
+    }
+
     /// Polygon ids are below this.
     pub const POLYGONS_MAX: u32 = 1 << 29;
 

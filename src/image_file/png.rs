@@ -42,8 +42,8 @@ impl SrgbTransfer {
     }
 
     fn code(&self, linear: f32) -> u8 {
-        // Not `clamp`: it hands NaN on.
-        let linear = linear.max(0.0).min(1.0);
+        let linear = linear.clamp(0.0, 1.0);
+        // What is not a number is cast to bucket 0 and reaches no border.
         let code = self.first[(linear * Self::BUCKETS as f32) as usize];
         code + u8::from(linear >= self.borders[usize::from(code) + 1])
     }

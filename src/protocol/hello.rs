@@ -40,7 +40,7 @@ impl fmt::Display for Role {
 pub struct RunToken([u8; 32]);
 
 impl RunToken {
-    pub fn new(bytes: [u8; 32]) -> Self {
+    pub const fn new(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 }
@@ -57,7 +57,14 @@ impl fmt::Debug for RunToken {
     }
 }
 
-/// Sent by the side that dialled.
+/// How every hello of every version begins, so that a peer of another version can be told which it is.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+pub struct HelloPrelude {
+    pub magic: [u8; 8],
+    pub version: u32,
+}
+
+/// Sent by the side that dialled. Begins with a [`HelloPrelude`].
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Hello {
     pub magic: [u8; 8],

@@ -6,7 +6,7 @@ pub mod load;
 pub mod nff;
 pub mod obj;
 pub mod procedural;
-mod source;
+pub(crate) mod source;
 pub mod source_error;
 
 use glam::DVec3;

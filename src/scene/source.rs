@@ -1,4 +1,4 @@
-//! A scene file's bytes, read with a bound, and where in them something stands.
+//! The bytes of a file that a person wrote or chose, read with a bound, and where in them something stands.
 
 use std::fs::File;
 use std::io::Read;
@@ -8,9 +8,9 @@ use super::SourceError;
 
 /// The bytes of a file that is not trusted.
 #[derive(Clone, Debug)]
-pub(super) struct Source {
-    pub(super) file: PathBuf,
-    pub(super) bytes: Vec<u8>,
+pub(crate) struct Source {
+    pub(crate) file: PathBuf,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Source {
@@ -19,7 +19,7 @@ impl Source {
     /// # Errors
     /// It cannot be read, is not a regular file (reading a pipe or a device may never end), or is larger
     /// than `bytes_max`.
-    pub(super) fn read(file: &Path, bytes_max: u64) -> Result<Self, SourceError> {
+    pub(crate) fn read(file: &Path, bytes_max: u64) -> Result<Self, SourceError> {
         let error = |what: String| SourceError::new(file, None, what);
         let unreadable = |e: std::io::Error| error(format!("cannot be read ({e}), expected a readable file"));
         let metadata = std::fs::metadata(file).map_err(unreadable)?;
@@ -40,7 +40,7 @@ impl Source {
     }
 
     /// An error at a byte of this file. Line and column (in characters) are counted only now.
-    pub(super) fn error(&self, at: usize, what: impl Into<String>) -> SourceError {
+    pub(crate) fn error(&self, at: usize, what: impl Into<String>) -> SourceError {
         let before = self.bytes.get(..at).unwrap_or(&self.bytes);
         let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
         let line_start = before.iter().rposition(|&b| b == b'\n').map_or(0, |newline| newline + 1);
@@ -52,7 +52,7 @@ impl Source {
 
 #[cfg(test)]
 impl Source {
-    pub(super) fn from_bytes(file: &str, bytes: impl Into<Vec<u8>>) -> Self {
+    pub(crate) fn from_bytes(file: &str, bytes: impl Into<Vec<u8>>) -> Self {
         Self { file: PathBuf::from(file), bytes: bytes.into() }
     }
 }

@@ -1,14 +1,25 @@
-//! A topology file: read as written in [`file`], proven here. Nothing after it checks again.
+//! A topology file: read as written in [`mod@file`], proven into a [`Topology`]. Nothing after it checks again.
 
+mod document;
 pub mod file;
+mod memory_size;
 pub mod overrides;
+mod prove;
+mod read;
+mod scene_source;
 pub mod schema;
+pub mod value;
+mod write;
 
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use overrides::Override;
 
 use crate::scene::{Camera, Light, procedural::Procedural};
 use crate::tracer::view::ImageSettings;
@@ -48,6 +59,33 @@ pub struct Image {
     pub cutoff: f32,
 }
 
+impl Image {
+    /// More tiles than this are more bookkeeping than image.
+    pub const TILES_MAX: u64 = 1 << 24;
+
+    /// Checks the tile against what is known of the image's sides.
+    fn check_tile(&self, width: Option<u32>, height: Option<u32>) -> Result<(), String> {
+        let (tile_width, tile_height) = self.tile;
+        let (width_max, height_max) =
+            (width.unwrap_or(ImageSettings::SIDE_MAX), height.unwrap_or(ImageSettings::SIDE_MAX));
+        if tile_width > width_max || tile_height > height_max {
+            return Err(format!(
+                "image.tile is {tile_width}x{tile_height} pixels, expected at most the image's {width_max}x{height_max}"
+            ));
+        }
+        if let (Some(width), Some(height)) = (width, height) {
+            let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
+            if tiles > Self::TILES_MAX {
+                return Err(format!(
+                    "image.tile is {tile_width}x{tile_height} pixels, which makes {tiles} tiles, expected at most {}",
+                    Self::TILES_MAX
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// How the octree is built. None of these changes the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Octree {
@@ -57,6 +95,10 @@ pub struct Octree {
     pub max_depth: u32,
     /// Whether a primitive that stands in many leaves is tested once a ray.
     pub mailbox: bool,
+}
+
+impl Octree {
+    pub const DEFAULT: Self = Self { leaf_size: 12, max_depth: 10, mailbox: true };
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +119,11 @@ pub struct LocalMemory {
     pub replacement: Replacement,
 }
 
+impl LocalMemory {
+    /// The longest record spans a few lines, and all of them are held at once.
+    pub const LINES_MIN: u64 = 16;
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MemorySize {
     /// The renderer's mode: the database is pulled once, then read without a check.
@@ -89,13 +136,20 @@ pub enum MemorySize {
     Bytes(u64),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Replacement {
     Lru,
     Fifo,
     Clock,
     Random,
+}
+
+/// Its name in a topology file.
+impl fmt::Display for Replacement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -124,7 +178,7 @@ pub struct Run {
     pub deadlines: Deadlines,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TileOrder {
     /// Row by row from the top.
@@ -135,7 +189,14 @@ pub enum TileOrder {
     Random,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Its name in a topology file.
+impl fmt::Display for TileOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Assignment {
     /// A node that asks gets the next tile: balanced, not reproducible.
@@ -159,7 +220,7 @@ impl Topology {
     /// The image settings, once the scene's own resolution is known.
     ///
     /// # Errors
-    /// The tile is larger than the image.
+    /// The tile is larger than the image, or too small for it.
     pub fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
         let (width, height) = camera.resolution.unwrap_or((512, 512));
         let settings = ImageSettings {
@@ -168,13 +229,7 @@ impl Topology {
             depth: self.image.depth,
             cutoff: self.image.cutoff,
         };
-        let (tile_width, tile_height) = self.image.tile;
-        if tile_width > settings.width || tile_height > settings.height {
-            return Err(format!(
-                "image.tile is {tile_width}x{tile_height} pixels, larger than the image of {}x{}",
-                settings.width, settings.height
-            ));
-        }
+        self.image.check_tile(Some(settings.width), Some(settings.height))?;
         Ok(settings)
     }
 }

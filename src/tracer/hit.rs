@@ -54,7 +54,7 @@ impl Hit {
         let along = |t: f64| ray.origin_f64() + ray.direction_f64() * t;
         match &self.on {
             HitOn::Triangle { triangle, barycentrics } => {
-                let [a, b, c] = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)));
+                let [a, b, c] = triangle.vertices();
                 let [u, v, w] = *barycentrics;
                 SurfacePoint {
                     position: a * u + b * v + c * w,

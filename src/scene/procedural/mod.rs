@@ -18,6 +18,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use writer::write_nff;
@@ -33,7 +34,7 @@ pub struct Procedural {
     pub size: u32,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// n³ interlocked gears: 2n³ concave polygons of 144 vertices and 144n³ quadrilaterals, and a ground.
@@ -48,7 +49,7 @@ pub enum Kind {
 
 /// A size that the kind does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{kind} of size {size} are not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+#[error("there is no {kind} of size {size}, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
 pub struct SizeError {
     pub kind: Kind,
     pub size: u32,

@@ -39,7 +39,7 @@ pub struct Bounds {
 
 impl Bounds {
     pub fn of_triangle(triangle: &Triangle) -> Self {
-        let [a, b, c] = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)));
+        let [a, b, c] = triangle.vertices();
         Self { lo: a.min(b).min(c), hi: a.max(b).max(c) }
     }
 
@@ -83,7 +83,7 @@ impl Bounds {
 pub fn triangle_octants(triangle: &Triangle, cell: Cell, candidates: u8) -> u8 {
     let half = cell.half / 2.0;
     let reach = half + PADDING;
-    let vertices = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)) - cell.centre);
+    let vertices = triangle.vertices().map(|v| v - cell.centre);
     let edges = [vertices[1] - vertices[0], vertices[2] - vertices[1], vertices[0] - vertices[2]];
     let normal = edges[0].cross(edges[1]);
     let plane = normal.dot(vertices[0]);

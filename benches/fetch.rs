@@ -1,0 +1,150 @@
+//! A 64-byte line fetched by a node over a real bus, against a raw ping-pong of as many bytes over the
+//! loopback interface, in turns. `cargo bench --bench fetch`; the ratio is to stay below 1.5.
+
+use std::error::Error;
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use marti::codec;
+use marti::database::{Layout, Section};
+use marti::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
+use marti::machine::local_memory::LineSource;
+use marti::machine::transaction::FetchRequest;
+use marti::processes::bus::memory_loop::{Command, MemoryLoop};
+use marti::processes::bus::state::State;
+use marti::processes::node::BusLines;
+use marti::protocol::connection::{BlockingConnection, Listener};
+use marti::protocol::control::BusConfiguration;
+use marti::protocol::hello::{Hello, Role, RunToken};
+use marti::protocol::memory::{MemoryReply, MemoryRequest};
+use marti::recording::{Metadata, Writer};
+use marti::topology::Arbiter;
+
+const LINE_BYTES: usize = 64;
+const ROUNDS: usize = 60;
+const TRIPS_PER_ROUND: u32 = 2000;
+const TOKEN: RunToken = RunToken::new([1; 32]);
+const DEADLINE: Duration = Duration::from_secs(5);
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    // One granule short of 1 MiB is as good as any: the bus does not cache.
+    let layout = Layout::new([(1 << 18) - 64, 0, 0, 0, 0, 0, 0, 0])?;
+    let bus = start_bus(BusConfiguration {
+        cluster: ClusterId(0),
+        arbiter: Arbiter::Fifo,
+        layout: layout.clone(),
+        recording: folder.path().to_owned(),
+    })?;
+    store(bus, layout.image_bytes())?;
+    let mut lines = BusLines::connect(bus, &hello(Role::Node(NodeId(0))))?;
+    let (request_bytes, reply_bytes) = frame_bytes()?;
+    let mut raw = TcpStream::connect(start_pong(request_bytes, reply_bytes)?)?;
+    raw.set_nodelay(true)?;
+
+    let (request, mut reply) = (vec![1; request_bytes], vec![0; reply_bytes]);
+    let (mut fetches, mut pings) = (Vec::new(), Vec::new());
+    for round in 0..ROUNDS {
+        pings.push(nanoseconds_a_trip(|_| {
+            raw.write_all(&request)?;
+            Ok(raw.read_exact(&mut reply)?)
+        })?);
+        fetches.push(nanoseconds_a_trip(|trip| {
+            let line = (round as u64 * 7919 + u64::from(trip)) % (layout.image_bytes() / LINE_BYTES as u64);
+            Ok(lines.fetch(&fetch(line), &mut reply[..LINE_BYTES])?)
+        })?);
+    }
+    let (fetch, ping) = (median(&mut fetches), median(&mut pings));
+    println!("{ROUNDS} rounds of {TRIPS_PER_ROUND} trips, {request_bytes} bytes there, {reply_bytes} back; medians:");
+    println!("raw ping-pong     {:8.2} us", ping / 1e3);
+    println!("fetch of a line   {:8.2} us", fetch / 1e3);
+    println!("ratio             {:8.2}", fetch / ping);
+    Ok(())
+}
+
+fn nanoseconds_a_trip(mut trip: impl FnMut(u32) -> Result<(), Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
+    let start = Instant::now();
+    for i in 0..TRIPS_PER_ROUND {
+        trip(i)?;
+    }
+    Ok(start.elapsed().as_nanos() as f64 / f64::from(TRIPS_PER_ROUND))
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn hello(role: Role) -> Hello {
+    Hello::new(role, Epoch(0), TOKEN)
+}
+
+fn fetch(line: u64) -> FetchRequest {
+    let address = Address(line * LINE_BYTES as u64);
+    FetchRequest { section: Section::OctreeNodes, address, line_bytes: LINE_BYTES as u32, lines: 1, accesses_before: 0 }
+}
+
+/// Of a fetch and of its reply, lengths included.
+fn frame_bytes() -> Result<(usize, usize), codec::CodecError> {
+    let FetchRequest { section, address, lines, accesses_before, .. } = fetch(0);
+    let (tile, attempt, line_bytes) = (TileId(0), Attempt(0), LINE_BYTES as u16);
+    let request = MemoryRequest::Fetch { tile, attempt, section, address, line_bytes, lines, accesses_before };
+    let reply = MemoryReply::Data { bytes: LINE_BYTES as u32 };
+    Ok((codec::encode(&request, &[])?.len(), codec::encode(&reply, &[0; LINE_BYTES])?.len()))
+}
+
+/// A bus without a manager, as `marti-bus` runs it: recording and all.
+fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Error>> {
+    let BusConfiguration { cluster, arbiter, layout, recording } = &configuration;
+    let metadata = Metadata { cluster: *cluster, epoch: Epoch(0), arbiter: *arbiter, layout: layout.clone() };
+    let recording = Writer::create(recording, &metadata)?;
+    let (incidents, mut told) = tokio::sync::mpsc::channel(1);
+    let (memory_loop, handle) = MemoryLoop::new(State::new(&configuration, Epoch(0)), recording, incidents, DEADLINE)?;
+    thread::spawn(|| memory_loop.run());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let mut listener = runtime.block_on(Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())))?;
+    let address = listener.address();
+    thread::spawn(move || {
+        runtime.block_on(async {
+            loop {
+                tokio::select! {
+                    arrival = listener.arrival() => {
+                        let (peer, connection) = arrival.expect("a good hello");
+                        let stream = connection.into_std().expect("nothing after the hello");
+                        handle.send(Command::Admit(peer, stream)).expect("running");
+                    }
+                    Some(incident) = told.recv() => panic!("{incident}"),
+                }
+            }
+        });
+    });
+    Ok(address)
+}
+
+fn store(bus: SocketAddr, bytes: u64) -> Result<(), Box<dyn Error>> {
+    let mut loader: BlockingConnection<MemoryRequest, MemoryReply> =
+        BlockingConnection::connect(Role::Bus, bus, &hello(Role::Manager), DEADLINE)?;
+    loader.send(&MemoryRequest::Store { address: Address(0) }, &vec![7; bytes as usize])?;
+    match loader.receive()? {
+        (MemoryReply::Stored, _) => Ok(()),
+        (reply, _) => Err(format!("{reply:?}").into()),
+    }
+}
+
+/// Answers each `request_bytes` with `reply_bytes`, on a plain thread with a blocking socket.
+fn start_pong(request_bytes: usize, reply_bytes: usize) -> Result<SocketAddr, Box<dyn Error>> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    let address = listener.local_addr()?;
+    thread::spawn(move || -> std::io::Result<()> {
+        let (mut stream, _) = listener.accept()?;
+        stream.set_nodelay(true)?;
+        let (mut request, reply) = (vec![0; request_bytes], vec![2; reply_bytes]);
+        loop {
+            stream.read_exact(&mut request)?;
+            stream.write_all(&reply)?;
+        }
+    });
+    Ok(address)
+}

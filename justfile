@@ -1,0 +1,32 @@
+# What CI runs: `just check`.
+default: check
+
+check: fmt clippy test doc deny unused typos
+
+fmt:
+    cargo fmt --check
+
+clippy:
+    cargo clippy --all-targets -- -D warnings
+    cargo clippy --all-targets --features exr -- -D warnings
+
+# The README's second command: the tests use the very binaries that its first one built.
+test:
+    cargo test --release
+
+doc:
+    RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --document-private-items
+
+# Advisories need a database that cannot be fetched everywhere: deny.toml lists the known ones.
+deny:
+    cargo deny --all-features check licenses bans sources
+
+unused:
+    cargo machete
+
+typos:
+    typos
+
+# Benchmarks, not tests: they print ratios measured side by side.
+bench:
+    cargo bench

@@ -1,0 +1,143 @@
+//! The command line of `marti`: one file a command, named like it. A command parses its arguments into a
+//! plain struct, does its work by one call into the library, and prints what came of it.
+
+pub mod check;
+pub mod failure;
+pub mod inspect;
+pub mod options;
+pub mod render;
+pub mod run;
+pub mod scene;
+pub mod schema;
+
+use std::io::{self, ErrorKind, Write};
+
+use clap::{Parser, Subcommand};
+
+pub use failure::{Exit, Failure};
+
+/// Render with many processes through small local memories, and see what crosses the bus.
+#[derive(Debug, Parser)]
+#[command(name = "marti", version, arg_required_else_help = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::RunArguments),
+    Render(render::RenderArguments),
+    Scene(scene::SceneArguments),
+    Inspect(inspect::InspectArguments),
+    Check(check::CheckArguments),
+    Schema(schema::SchemaArguments),
+}
+
+impl Arguments {
+    /// # Errors
+    /// What went wrong, and the code to exit with.
+    pub fn carry_out(&self) -> Result<(), Failure> {
+        match &self.command {
+            Command::Run(arguments) => run::run(arguments),
+            Command::Render(arguments) => render::render(arguments),
+            Command::Scene(arguments) => scene::scene(arguments),
+            Command::Inspect(arguments) => inspect::inspect(arguments),
+            Command::Check(arguments) => check::check(arguments),
+            Command::Schema(arguments) => schema::schema(arguments),
+        }
+    }
+}
+
+/// Prints to standard output. A reader that has seen enough (`marti schema topology | head`) is no failure.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+    use clap::error::ErrorKind;
+
+    use super::*;
+
+    fn parse(line: &str) -> Result<Arguments, clap::Error> {
+        Arguments::try_parse_from(line.split_whitespace())
+    }
+
+    #[test]
+    fn the_definition_is_sound() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn good_lines_parse() {
+        for line in [
+            "marti run topologies/teapot.toml",
+            "marti run t.toml --out o --set cluster.nodes=9 --set cluster.local_memory.size=1/16 --aov depth,normal --quiet",
+            "marti render teapot:12",
+            "marti render a.nff -o a.png --size 640x480 --threads 2 --repeat 5 --depth 0 --cutoff 0.01 --aov primitive \
+             --leaf-size 8 --max-depth 0 --mailbox off --report r.json",
+            "marti scene gears --size 4 -o gears4.nff",
+            "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
+            "marti check t.toml --set scene.file=a.nff",
+            "marti schema topology",
+        ] {
+            assert!(parse(line).is_ok(), "{line}: {}", parse(line).expect_err("refused"));
+        }
+    }
+
+    #[test]
+    fn bad_lines_are_refused_with_what_was_expected() {
+        for (line, told) in [
+            ("marti walk", "unrecognized subcommand 'walk'"),
+            ("marti run", "<TOPOLOGY>"),
+            ("marti run t.toml --set cluster.nodes", "expected KEY=VALUE"),
+            ("marti run t.toml --set =1", "expected names joined by dots"),
+            ("marti run t.toml --aov colour", "possible values: depth, normal, primitive"),
+            ("marti render teapots", "or gears, teapot, balls or tetra"),
+            ("marti render gears:0", "expected an integer from 1 to 1000"),
+            ("marti render a.nff --size 640", "expected WIDTHxHEIGHT"),
+            ("marti render a.nff --size 640x0", "each from 1 to 65536"),
+            ("marti render a.nff --size 70000x1", "each from 1 to 65536"),
+            ("marti render a.nff -o a.jpg", "expected a name ending in .png"),
+            ("marti render a.nff -o .png", "expected a name ending in .png"),
+            ("marti render a.nff --threads 0", "0 is not in 1..=1024"),
+            ("marti render a.nff --repeat x", "invalid digit"),
+            ("marti render a.nff --depth 65", "expected an integer from 0 to 64"),
+            ("marti render a.nff --cutoff nan", "expected a number from 0 to 1"),
+            ("marti render a.nff --leaf-size 0", "expected an integer from 1 to 1024"),
+            ("marti render a.nff --max-depth 21", "expected an integer from 0 to 20"),
+            ("marti render a.nff --mailbox maybe", "possible values: on, off"),
+            ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
+            ("marti scene torus", "expected gears, teapot, balls or tetra"),
+            ("marti scene gears --size -1", "unexpected argument"),
+            ("marti schema report", "possible values: topology"),
+        ] {
+            let error = parse(line).expect_err(line);
+            assert_eq!(error.exit_code(), 2, "{line}");
+            assert!(error.to_string().contains(told), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn help_is_no_failure() {
+        for line in ["marti --help", "marti help run", "marti render -h"] {
+            let answer = parse(line).expect_err(line);
+            assert_eq!((answer.kind(), answer.exit_code()), (ErrorKind::DisplayHelp, 0));
+        }
+    }
+
+    #[test]
+    fn exr_is_an_option_of_builds_that_have_it() {
+        let has = crate::image_file::EXR_SUPPORTED;
+        assert_eq!(parse("marti run t.toml --exr").is_ok(), has);
+        assert_eq!(parse("marti render a.nff --exr").is_ok(), has);
+    }
+}

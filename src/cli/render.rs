@@ -1,0 +1,164 @@
+//! `marti render SCENE`
+
+use std::path::PathBuf;
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
+
+use clap::{Args, value_parser};
+
+use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
+use super::{Failure, print};
+use crate::preparation::{self, Fallback, Prepared};
+use crate::render::{self, Rendering, Settings};
+use crate::report::{self, Report, SCHEMA_VERSION, Seconds, Status, json, text};
+use crate::scene::Camera;
+use crate::topology::value::{Cutoff, Depth};
+use crate::topology::{Octree, SceneSource};
+use crate::tracer::octree::census::Census;
+use crate::tracer::view::ImageSettings;
+
+/// Render a scene in this one process: the fastest way on one machine
+#[derive(Clone, Debug, Args)]
+pub struct RenderArguments {
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    pub scene: SceneSource,
+    /// Image to write [default: the scene's name with .png]
+    #[arg(long, short, value_name = "NAME.png", value_parser = png_path)]
+    output: Option<PathBuf>,
+    /// Pixels of the image [default: the scene file's resolution, else 512x512]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<ImageSize>,
+    /// Threads that trace [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+    /// Render so many times; the seconds reported are medians
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1000))]
+    pub repeat: u32,
+    /// How many reflections or refractions may follow one another
+    #[arg(long, value_name = "N", default_value_t = Depth(ImageSettings::DEPTH_DEFAULT))]
+    pub depth: Depth,
+    /// A reflected or refracted ray is cast when its weight in the pixel exceeds this
+    #[arg(long, value_name = "X", default_value_t = Cutoff(0.0), allow_negative_numbers = true)]
+    pub cutoff: Cutoff,
+    #[command(flatten)]
+    octree: OctreeOptions,
+    /// Test a primitive that stands in many leaves only once a ray
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true, default_value_t = Switch::On)]
+    mailbox: Switch,
+    #[command(flatten)]
+    pub planes: OutputOptions,
+    /// Also write a report as JSON (docs/report.md)
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+}
+
+impl RenderArguments {
+    pub fn octree(&self) -> Octree {
+        self.octree.octree(self.mailbox == Switch::On)
+    }
+
+    fn threads(&self) -> usize {
+        self.threads.map_or_else(|| available_parallelism().map_or(1, usize::from), |threads| threads as usize)
+    }
+
+    fn image_settings(&self, camera: &Camera) -> ImageSettings {
+        let (width, height) = match self.size {
+            Some(size) => (size.width, size.height),
+            None => camera.resolution.unwrap_or((512, 512)),
+        };
+        ImageSettings { width, height, depth: self.depth.0, cutoff: self.cutoff.0 }
+    }
+
+    /// The image to write.
+    pub fn image(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| PathBuf::from(self.scene.name() + ".png"))
+    }
+}
+
+pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
+    let start = Instant::now();
+    let octree = arguments.octree();
+    let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
+        Ok(arguments.image_settings(camera))
+    })?;
+    let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), mailbox: octree.mailbox };
+    let (mut walls, mut cpus) = (Vec::new(), Vec::new());
+    let rendering = loop {
+        let rendering = render::render(&prepared.database, &prepared.view, settings)
+            .map_err(|error| Failure::failed(error.to_string()))?;
+        walls.push(rendering.wall);
+        cpus.push(rendering.cpu);
+        if walls.len() == arguments.repeat as usize {
+            break rendering;
+        }
+    };
+    let image = arguments.image();
+    let files = rendering
+        .frame
+        .write(&image, arguments.planes.exr())
+        .map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
+    let seconds = Seconds {
+        load: prepared.load.as_secs_f64(),
+        octree: prepared.build.as_secs_f64(),
+        render: median(walls),
+        render_cpu: median(cpus),
+        total: start.elapsed().as_secs_f64(),
+    };
+    let report = report(arguments.scene.to_string(), &prepared, &rendering, files, seconds);
+    if let Some(path) = &arguments.report {
+        json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
+    }
+    print(&text::summary(&report))
+}
+
+fn report(
+    source: String,
+    prepared: &Prepared,
+    rendering: &Rendering,
+    files: Vec<PathBuf>,
+    seconds: Seconds,
+) -> Report {
+    let stats = &rendering.stats;
+    Report {
+        schema_version: SCHEMA_VERSION,
+        build: env!("CARGO_PKG_VERSION").to_owned(),
+        status: Status::Done,
+        error: None,
+        scene: report::Scene::new(source, &prepared.database),
+        image: report::Image {
+            width: rendering.frame.width(),
+            height: rendering.frame.height(),
+            sha256: Some(rendering.frame.sha256()),
+            non_finite_pixels: stats.non_finite_pixels,
+            files,
+        },
+        rays: report::Rays::new(stats),
+        octree: report::Octree::new(&Census::of(&prepared.database)).with_accesses(stats),
+        tests: report::Tests { primitive: stats.primitive_tests, mailbox_skips: stats.mailbox_skips },
+        tiles: None,
+        nodes: Vec::new(),
+        memory: None,
+        bus: None,
+        conservation: None,
+        incidents: Vec::new(),
+        seconds,
+    }
+}
+
+/// The middle one, in seconds; of an even number, the mean of the two in the middle.
+fn median(mut times: Vec<Duration>) -> f64 {
+    times.sort_unstable();
+    let (lower, upper) = (times[(times.len() - 1) / 2], times[times.len() / 2]);
+    (lower + upper).as_secs_f64() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        let seconds = |of: &[u64]| median(of.iter().map(|s| Duration::from_secs(*s)).collect());
+        assert_eq!((seconds(&[7]), seconds(&[9, 1, 2]), seconds(&[4, 1, 2, 9])), (7.0, 2.0, 3.0));
+    }
+}

@@ -1,0 +1,60 @@
+//! `marti run TOPOLOGY`
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::OutputOptions;
+use super::{Exit, Failure, print};
+use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
+use crate::report::text;
+use crate::topology::{Override, Topology};
+
+/// Render a topology with all its processes
+#[derive(Clone, Debug, Args)]
+pub struct RunArguments {
+    /// Topology file (docs/topology.md)
+    pub topology: PathBuf,
+    /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Set a key of the topology for this run, such as cluster.nodes=9
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<Override>,
+    #[command(flatten)]
+    pub output: OutputOptions,
+    /// Print no progress and no summary
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl RunArguments {
+    /// The folder that the run writes into.
+    pub fn folder(&self, topology: &Topology) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&topology.name))
+    }
+}
+
+pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    let outcome = manager::run(RunRequest {
+        out: arguments.folder(&topology),
+        topology,
+        aov: arguments.output.aov(),
+        exr: arguments.output.exr(),
+        quiet: arguments.quiet,
+    })
+    .map_err(|error| {
+        let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };
+        Failure::new(exit, error.to_string())
+    })?;
+    if !arguments.quiet {
+        print(&text::summary(&outcome.report))?;
+    }
+    match outcome.end {
+        RunEnd::Done => Ok(()),
+        RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
+        RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
+        RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
+    }
+}

@@ -1,0 +1,520 @@
+//! The local memory of a processing node: a cache of lines that the tracer reads through.
+//!
+//! How large it is says its [`Geometry`], what is in it its [`Directory`]; what is missing comes from a
+//! [`LineSource`]. Each read of a record references its lines in ascending order. The missing ones are
+//! fetched as one transaction; a line may be driven out again by a later line of the same record, and
+//! the record is right all the same.
+
+mod directory;
+mod geometry;
+mod source;
+
+pub use directory::{Directory, Reference};
+pub use geometry::{Geometry, GeometryError, LINES_MIN};
+pub use source::LineSource;
+
+use bytemuck::Pod;
+
+use super::replacement::Replacement;
+use super::stats::{CLASSES, MemoryStats, octree_class, section_class};
+use super::transaction::FetchRequest;
+use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use crate::database::{Layout, Section};
+use crate::ids::Address;
+use crate::tracer::stats::MAX_DEPTH;
+use crate::tracer::{MemoryPort, RayKind};
+
+/// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.
+const RECORD_LINES_MAX: usize = 4;
+
+/// Why a record cannot be read. The record is lost to the tile; the memory can still be used.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum MemoryError<E> {
+    #[error("missing lines cannot be fetched")]
+    Source(#[source] E),
+    #[error("the database has no record {index} in section {}", section.name())]
+    OutOfRange { section: Section, index: u32 },
+    #[error("the database is corrupt: {0}")]
+    Corrupt(&'static str),
+}
+
+/// Where a section's records lie.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    /// Bytes from the start of the image.
+    base: u64,
+    records: u64,
+}
+
+/// Tags, data and counters of a local memory with replacement policy `R`, filled from `S`.
+#[derive(Debug)]
+pub struct LocalMemory<R, S> {
+    directory: Directory<R>,
+    /// The lines by slot.
+    data: Vec<u8>,
+    /// The line's bytes are 2 to this power.
+    line_shift: u32,
+    /// The bits of an address that tell the place in a line.
+    offset_mask: u64,
+    places: [Place; Section::COUNT],
+    source: S,
+    /// Fetched lines, on their way to the record and to their slots.
+    fetched: Vec<u8>,
+    ray_kind: RayKind,
+    /// Records found at once in one line: all that a hit counts. The others are in `stats`.
+    hits: [[u64; CLASSES]; RayKind::COUNT],
+    stats: MemoryStats,
+    /// Record accesses since the memory was made, without the `hits` of now.
+    accesses: u64,
+}
+
+impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
+    /// An empty memory for the image that `geometry` was resolved for; `seed` decides random replacement.
+    ///
+    /// # Panics
+    /// `geometry` is that of another image.
+    pub fn new(geometry: Geometry, layout: &Layout, seed: u64, source: S) -> Self {
+        assert_eq!(
+            u64::from(geometry.image_lines) * u64::from(geometry.line_bytes),
+            layout.image_bytes(),
+            "a local memory's geometry is resolved for its image"
+        );
+        let place = |section| {
+            let span = layout.span(section);
+            Place { base: span.base.0, records: span.records }
+        };
+        Self {
+            directory: Directory::new(geometry, seed),
+            data: vec![0; geometry.local_bytes() as usize],
+            line_shift: geometry.line_bytes.trailing_zeros(),
+            offset_mask: u64::from(geometry.line_bytes) - 1,
+            places: Section::ALL.map(place),
+            source,
+            fetched: vec![0; RECORD_LINES_MAX * geometry.line_bytes as usize],
+            ray_kind: RayKind::Primary,
+            hits: [[0; CLASSES]; RayKind::COUNT],
+            stats: MemoryStats::default(),
+            accesses: 0,
+        }
+    }
+
+    pub fn geometry(&self) -> &Geometry {
+        self.directory.geometry()
+    }
+
+    /// The counts since the last call: those of one tile, when called between tiles.
+    pub fn take_stats(&mut self) -> MemoryStats {
+        for (counters, hits) in self.stats.counters.as_flattened_mut().iter_mut().zip(self.hits.as_flattened_mut()) {
+            counters.record_accesses += *hits;
+            counters.line_accesses += *hits;
+            self.accesses += std::mem::take(hits);
+        }
+        std::mem::take(&mut self.stats)
+    }
+
+    /// Forgets all lines, as the first reads of a new epoch of the bus demand. Counts stay.
+    pub fn clear(&mut self) {
+        self.directory.clear();
+    }
+
+    pub fn source_mut(&mut self) -> &mut S {
+        &mut self.source
+    }
+
+    #[inline(always)]
+    fn record<T: Pod>(&mut self, section: Section, index: u32, class: usize) -> Result<T, MemoryError<S::Error>> {
+        let place = self.places[section as usize];
+        if u64::from(index) >= place.records {
+            return Err(MemoryError::OutOfRange { section, index });
+        }
+        let start = place.base + u64::from(index) * size_of::<T>() as u64;
+        let line = (start >> self.line_shift) as u32;
+        let offset = (start & self.offset_mask) as usize;
+        // Sections start on lines, and lines are of at least 16 bytes: such a record never lies in two.
+        let divides_lines = const { 16 % size_of::<T>() == 0 };
+        if (divides_lines || offset + size_of::<T>() <= self.offset_mask as usize + 1)
+            && let Some(slot) = self.directory.reference_if_present(line)
+        {
+            self.hits[self.ray_kind as usize][class] += 1;
+            let from = ((slot as usize) << self.line_shift) + offset;
+            return Ok(bytemuck::pod_read_unaligned(&self.data[from..from + size_of::<T>()]));
+        }
+        let mut record = T::zeroed();
+        self.gather(section, start, class, bytemuck::bytes_of_mut(&mut record))?;
+        Ok(record)
+    }
+
+    /// Reads a record that lies in several lines, or that is missing.
+    #[inline(never)]
+    fn gather(
+        &mut self,
+        section: Section,
+        start: u64,
+        class: usize,
+        record: &mut [u8],
+    ) -> Result<(), MemoryError<S::Error>> {
+        let shift = self.line_shift;
+        let first = (start >> shift) as u32;
+        let last = ((start + record.len() as u64 - 1) >> shift) as u32;
+        let mut missing = Missing { section, first, mask: 0, slots: [0; RECORD_LINES_MAX] };
+        for line in first..=last {
+            match self.directory.reference(line) {
+                Reference::Hit { slot } => {
+                    // Copied at once: a later line of this record may drive this one out.
+                    let from = (slot as usize) << shift;
+                    copy_overlap(&self.data[from..from + (1 << shift)], u64::from(line) << shift, record, start);
+                }
+                Reference::Miss { slot, .. } => missing.add(line, slot),
+            }
+        }
+        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
+        self.accesses += 1;
+        counters.record_accesses += 1;
+        counters.line_accesses += u64::from(last - first + 1);
+        if missing.mask == 0 {
+            return Ok(());
+        }
+        counters.record_misses += 1;
+        counters.line_misses += u64::from(missing.mask.count_ones());
+        self.fetch(&missing, start, record)
+    }
+
+    /// Fetches the missing lines of a record as one transaction.
+    #[cold]
+    #[inline(never)]
+    fn fetch(&mut self, missing: &Missing, start: u64, record: &mut [u8]) -> Result<(), MemoryError<S::Error>> {
+        let line_bytes = 1usize << self.line_shift;
+        // This access is counted already, and is not before itself.
+        let accesses = self.accesses + self.hits.as_flattened().iter().sum::<u64>();
+        let request = missing.request(self.line_shift, accesses - 1);
+        let fetched = &mut self.fetched[..request.bytes() as usize];
+        if let Err(error) = self.source.fetch(&request, fetched) {
+            // The directory counts the lines as present already, but their data never came.
+            self.directory.clear();
+            return Err(MemoryError::Source(error));
+        }
+        for ((line, slot), bytes) in missing.lines().zip(fetched.chunks_exact(line_bytes)) {
+            copy_overlap(bytes, u64::from(line) << self.line_shift, record, start);
+            if self.directory.holds(slot, line) {
+                let to = (slot as usize) << self.line_shift;
+                self.data[to..to + line_bytes].copy_from_slice(bytes);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The missing lines of one record.
+struct Missing {
+    section: Section,
+    /// The record's first line, missing or not.
+    first: u32,
+    /// Bit i: line `first + i` is missing.
+    mask: u32,
+    /// By i, the slot that the line was given.
+    slots: [u32; RECORD_LINES_MAX],
+}
+
+impl Missing {
+    fn add(&mut self, line: u32, slot: u32) {
+        let i = line - self.first;
+        self.mask |= 1 << i;
+        self.slots[i as usize] = slot;
+    }
+
+    /// Each with its slot, in ascending order.
+    fn lines(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        (self.first..).zip(self.slots).enumerate().filter(|(i, _)| self.mask >> i & 1 == 1).map(|(_, line)| line)
+    }
+
+    fn request(&self, line_shift: u32, accesses_before: u64) -> FetchRequest {
+        let skipped = self.mask.trailing_zeros();
+        FetchRequest {
+            section: self.section,
+            address: Address(u64::from(self.first + skipped) << line_shift),
+            line_bytes: 1 << line_shift,
+            lines: self.mask >> skipped,
+            accesses_before,
+        }
+    }
+}
+
+/// Copies what a line and a record have in common; both are given with their place in the image.
+fn copy_overlap(line: &[u8], line_start: u64, record: &mut [u8], record_start: u64) {
+    let from = line_start.max(record_start);
+    let to = (line_start + line.len() as u64).min(record_start + record.len() as u64);
+    let within = |start: u64| (from - start) as usize..(to - start) as usize;
+    record[within(record_start)].copy_from_slice(&line[within(line_start)]);
+}
+
+impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
+    type Error = MemoryError<S::Error>;
+
+    #[inline(always)]
+    fn set_ray_kind(&mut self, kind: RayKind) {
+        self.ray_kind = kind;
+    }
+
+    #[inline(always)]
+    fn octree_node(&mut self, index: u32, level: u32) -> Result<OctreeWord, Self::Error> {
+        self.record(Section::OctreeNodes, index, octree_class(level.min(MAX_DEPTH)))
+    }
+
+    #[inline(always)]
+    fn leaf_entry(&mut self, index: u32) -> Result<LeafEntry, Self::Error> {
+        self.record(Section::LeafLists, index, section_class(Section::LeafLists))
+    }
+
+    #[inline(always)]
+    fn triangle(&mut self, index: u32) -> Result<Triangle, Self::Error> {
+        self.record(Section::Triangles, index, section_class(Section::Triangles))
+    }
+
+    #[inline(always)]
+    fn sphere(&mut self, index: u32) -> Result<Sphere, Self::Error> {
+        self.record(Section::Spheres, index, section_class(Section::Spheres))
+    }
+
+    #[inline(always)]
+    fn cone(&mut self, index: u32) -> Result<Cone, Self::Error> {
+        self.record(Section::Cones, index, section_class(Section::Cones))
+    }
+
+    #[inline(always)]
+    fn surface(&mut self, index: u32) -> Result<Surface, Self::Error> {
+        self.record(Section::Surfaces, index, section_class(Section::Surfaces))
+    }
+
+    #[inline(always)]
+    fn normals(&mut self, index: u32) -> Result<Normals, Self::Error> {
+        self.record(Section::Normals, index, section_class(Section::Normals))
+    }
+
+    #[inline(always)]
+    fn material(&mut self, index: u32) -> Result<Material, Self::Error> {
+        self.record(Section::Materials, index, section_class(Section::Materials))
+    }
+
+    #[cold]
+    fn corrupt(&mut self, what: &'static str) -> Self::Error {
+        MemoryError::Corrupt(what)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::machine::cluster_memory::{AccessError, ClusterMemory};
+    use crate::machine::replacement::{Clock, Fifo, Lru, Random};
+    use crate::machine::stats::Counters;
+    use crate::topology::{self, MemorySize};
+
+    /// Records of each section; 40 materials of 48 bytes, and so on.
+    const RECORDS: [u64; Section::COUNT] = [400, 150, 90, 30, 20, 140, 50, 40];
+
+    fn layout() -> Layout {
+        Layout::new(RECORDS).expect("small")
+    }
+
+    /// A byte's value tells its place well enough that no two lines are equal.
+    fn image() -> Vec<u8> {
+        (0..layout().image_bytes() / 4).flat_map(|word| (word as u32).wrapping_mul(0x9E37_79B1).to_le_bytes()).collect()
+    }
+
+    fn cluster_memory() -> ClusterMemory {
+        let mut memory = ClusterMemory::new(&layout());
+        memory.store(Address(0), &image()).expect("in order");
+        memory
+    }
+
+    /// Counts what is asked of the memory behind it, and fails when told to.
+    struct Counting<'a> {
+        memory: &'a ClusterMemory,
+        fetches: u64,
+        bytes: u64,
+        /// Of the last request.
+        accesses_before: u64,
+        broken: bool,
+    }
+
+    impl LineSource for Counting<'_> {
+        type Error = Option<AccessError>;
+
+        fn fetch(&mut self, request: &FetchRequest, into: &mut [u8]) -> Result<(), Self::Error> {
+            if self.broken {
+                into.fill(0xEE);
+                return Err(None);
+            }
+            self.fetches += 1;
+            self.bytes += into.len() as u64;
+            self.accesses_before = request.accesses_before;
+            assert_eq!(request.bytes() as usize, into.len());
+            self.memory.fetch(request, into).map_err(Some)
+        }
+    }
+
+    fn counting<R: Replacement>(memory: &ClusterMemory, local: topology::LocalMemory) -> LocalMemory<R, Counting<'_>> {
+        let geometry = Geometry::new(&local, &layout()).expect("within ranges");
+        LocalMemory::new(
+            geometry,
+            &layout(),
+            3,
+            Counting { memory, fetches: 0, bytes: 0, accesses_before: 0, broken: false },
+        )
+    }
+
+    /// Reads a record as the tracer would, as bytes.
+    fn read<P: MemoryPort>(port: &mut P, section: Section, index: u32) -> Result<Vec<u8>, P::Error> {
+        use bytemuck::bytes_of;
+        Ok(match section {
+            Section::OctreeNodes => bytes_of(&port.octree_node(index, index % 30)?).to_vec(),
+            Section::LeafLists => bytes_of(&port.leaf_entry(index)?).to_vec(),
+            Section::Triangles => bytes_of(&port.triangle(index)?).to_vec(),
+            Section::Spheres => bytes_of(&port.sphere(index)?).to_vec(),
+            Section::Cones => bytes_of(&port.cone(index)?).to_vec(),
+            Section::Surfaces => bytes_of(&port.surface(index)?).to_vec(),
+            Section::Normals => bytes_of(&port.normals(index)?).to_vec(),
+            Section::Materials => bytes_of(&port.material(index)?).to_vec(),
+        })
+    }
+
+    fn local(size: MemorySize, line: u32, ways: Option<u32>) -> topology::LocalMemory {
+        topology::LocalMemory { size, line, ways, replacement: topology::Replacement::Lru }
+    }
+
+    /// Every record is the image's, and the counts are those of a directory alone given the same lines.
+    fn check<R: Replacement>(local: topology::LocalMemory, reads: &[(usize, u32)]) -> Result<(), TestCaseError> {
+        let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
+        let mut memory = counting::<R>(&cluster_memory, local);
+        let mut directory = Directory::<R>::new(*memory.geometry(), 3);
+        let mut expected = Counters::default();
+        for &(section, index) in reads {
+            let section = Section::ALL[section];
+            let index = index % RECORDS[section as usize] as u32;
+            let start = layout.span(section).base.0 + u64::from(index) * section.record_bytes();
+            let end = start + section.record_bytes();
+            let record = read(&mut memory, section, index).expect("in range");
+            prop_assert_eq!(&record, &image[start as usize..end as usize]);
+
+            let lines = start / u64::from(local.line)..=(end - 1) / u64::from(local.line);
+            let missed: Vec<bool> =
+                lines.map(|line| matches!(directory.reference(line as u32), Reference::Miss { .. })).collect();
+            let line_misses = missed.iter().filter(|&&m| m).count() as u64;
+            expected.add(&Counters {
+                record_accesses: 1,
+                record_misses: u64::from(line_misses > 0),
+                line_accesses: missed.len() as u64,
+                line_misses,
+            });
+        }
+        let stats = memory.take_stats();
+        prop_assert_eq!(stats.total(), expected);
+        prop_assert_eq!(memory.source_mut().fetches, expected.record_misses);
+        prop_assert_eq!(memory.source_mut().bytes, expected.line_misses * u64::from(local.line));
+        prop_assert_eq!(stats.words_moved(local.line) * 4, memory.source_mut().bytes);
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn records_are_the_images_and_counts_the_directorys(
+            shift in 4u32..=8,
+            share in 1u32..=40,
+            ways in prop::option::of(prop::sample::select(vec![1, 2, 3, 4, 16])),
+            reads in prop::collection::vec((0..Section::COUNT, 0u32..400), 0..800),
+        ) {
+            let local = local(MemorySize::Share { numerator: share, denominator: 40 }, 1 << shift, ways);
+            check::<Lru>(local, &reads)?;
+            check::<Fifo>(local, &reads)?;
+            check::<Clock>(local, &reads)?;
+            check::<Random>(local, &reads)?;
+        }
+
+        #[test]
+        fn a_memory_smaller_than_its_records_is_right_all_the_same(
+            ways in 1u32..=3, sets in 1u32..=2, reads in prop::collection::vec((0..Section::COUNT, 0u32..400), 0..400),
+        ) {
+            // No topology allows so few lines; here the lines of a material drive each other out.
+            let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
+            let image_lines = (layout.image_bytes() / 16) as u32;
+            let geometry = Geometry { line_bytes: 16, image_lines, sets, ways };
+            let mut memory = LocalMemory::<Random, _>::new(geometry, &layout, 9, &cluster_memory);
+            for (section, index) in reads {
+                let section = Section::ALL[section];
+                let index = index % RECORDS[section as usize] as u32;
+                let start = (layout.span(section).base.0 + u64::from(index) * section.record_bytes()) as usize;
+                let record = read(&mut memory, section, index).expect("in range");
+                prop_assert_eq!(&record, &image[start..start + section.record_bytes() as usize]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_record_with_two_missing_lines_is_one_fetch() {
+        let cluster_memory = cluster_memory();
+        let mut memory = counting::<Lru>(&cluster_memory, local(MemorySize::Bytes(4096), 64, None));
+        memory.set_ray_kind(RayKind::Shadow);
+        // Triangle 1 is bytes 40 to 79 of its section, which starts on a line: lines 0 and 1.
+        memory.triangle(1).expect("in range");
+        memory.triangle(0).expect("in range");
+        memory.triangle(0).expect("in range");
+        let stats = memory.take_stats();
+        let counted = stats.counters[RayKind::Shadow as usize][section_class(Section::Triangles)];
+        assert_eq!(counted, Counters { record_accesses: 3, record_misses: 1, line_accesses: 4, line_misses: 2 });
+        assert_eq!(stats.total(), counted);
+        assert_eq!(stats.words_read(), 30);
+        assert_eq!(memory.take_stats(), MemoryStats::default());
+        // The accesses before a fetch are counted on, whatever was taken.
+        memory.sphere(0).expect("in range");
+        assert_eq!(memory.source_mut().accesses_before, 3);
+    }
+
+    #[test]
+    fn octree_nodes_are_counted_by_level() {
+        let cluster_memory = cluster_memory();
+        let mut memory = counting::<Lru>(&cluster_memory, local(MemorySize::All, 64, None));
+        for level in [0, 1, 1, 20, 21, u32::MAX] {
+            memory.octree_node(0, level).expect("in range");
+        }
+        let counted = memory.take_stats().counters[RayKind::Primary as usize].map(|c| c.record_accesses);
+        assert_eq!((counted[0], counted[1], counted[20]), (1, 2, 3));
+        assert_eq!(counted.iter().sum::<u64>(), 6, "no level is counted as another section");
+    }
+
+    #[test]
+    fn a_record_out_of_range_is_an_error() {
+        let cluster_memory = cluster_memory();
+        let mut memory = counting::<Lru>(&cluster_memory, local(MemorySize::All, 64, None));
+        for section in Section::ALL {
+            for index in [RECORDS[section as usize] as u32, u32::MAX] {
+                assert_eq!(read(&mut memory, section, index), Err(MemoryError::OutOfRange { section, index }));
+            }
+        }
+        assert_eq!(memory.take_stats().total(), Counters::default());
+    }
+
+    #[test]
+    fn after_a_failed_fetch_nothing_wrong_is_read() {
+        let (image, cluster_memory) = (image(), cluster_memory());
+        let mut memory = counting::<Lru>(&cluster_memory, local(MemorySize::All, 64, None));
+        memory.source_mut().broken = true;
+        assert_eq!(memory.triangle(1), Err(MemoryError::Source(None)));
+        memory.source_mut().broken = false;
+        let start = layout().span(Section::Triangles).base.0 as usize + 40;
+        assert_eq!(read(&mut memory, Section::Triangles, 1).expect("mended"), image[start..start + 40]);
+    }
+
+    #[test]
+    fn cleared_it_fetches_again() {
+        let cluster_memory = cluster_memory();
+        let mut memory = counting::<Lru>(&cluster_memory, local(MemorySize::All, 64, None));
+        for _ in 0..2 {
+            memory.sphere(0).expect("in range");
+            memory.sphere(0).expect("in range");
+            memory.clear();
+        }
+        assert_eq!(memory.source_mut().fetches, 2);
+    }
+}

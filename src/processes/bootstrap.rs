@@ -1,0 +1,134 @@
+//! How a spawned process comes to life: what the manager hands down, the log, the control connection.
+
+use std::io::{IsTerminal, Read};
+use std::mem::discriminant;
+use std::sync::mpsc::sync_channel;
+use std::thread;
+use std::time::Duration;
+
+use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
+use crate::protocol::connection::ConnectionError;
+use crate::protocol::control::Bootstrap;
+use crate::protocol::hello::{Hello, Role};
+use crate::telemetry::{self, TelemetryError};
+
+use super::ControlLink;
+
+/// The manager writes the bootstrap at once after spawning.
+const BOOTSTRAP_DEADLINE: Duration = Duration::from_secs(5);
+
+/// A process that the manager spawned.
+#[derive(Clone, Debug)]
+pub struct Child {
+    pub bootstrap: Bootstrap,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    #[error("{program} is started by `marti run`, not by hand ({why})")]
+    ByHand { program: &'static str, why: String },
+    #[error("{program} was told to be a {role}")]
+    WrongRole { program: &'static str, role: Role },
+    #[error(transparent)]
+    Telemetry(#[from] TelemetryError),
+    #[error("manager: {0}")]
+    Manager(#[from] ConnectionError),
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
+}
+
+impl Child {
+    /// Reads the bootstrap from standard input and starts the log. `role` is this program's; of a node's,
+    /// the number does not count.
+    ///
+    /// # Errors
+    /// Standard input is a terminal, ends early, is silent for 5 s, or holds something else; the bootstrap
+    /// is for another role; the log cannot be opened.
+    pub fn start(program: &'static str, role: Role) -> Result<Self, StartError> {
+        let bootstrap = read_in_time().map_err(|why| StartError::ByHand { program, why })?;
+        if discriminant(&bootstrap.role) != discriminant(&role) {
+            return Err(StartError::WrongRole { program, role: bootstrap.role });
+        }
+        telemetry::start(&bootstrap.log)?;
+        tracing::info!("{program} {} as {} ({})", env!("CARGO_PKG_VERSION"), bootstrap.role, bootstrap.epoch);
+        Ok(Self { bootstrap })
+    }
+
+    /// How this process introduces itself, to whomever it dials.
+    pub fn hello(&self) -> Hello {
+        Hello::new(self.bootstrap.role, self.bootstrap.epoch, self.bootstrap.token)
+    }
+
+    /// Dials the manager.
+    ///
+    /// # Errors
+    /// The manager does not answer, or refuses this process.
+    pub fn control<Command: Message, Report: Message + Clone>(
+        &self,
+        heartbeat: Report,
+    ) -> Result<ControlLink<Command, Report>, StartError> {
+        ControlLink::open(&self.bootstrap, &self.hello(), heartbeat)
+    }
+}
+
+/// Standard input has no deadline of its own, hence the thread; it ends with the process at the latest.
+fn read_in_time() -> Result<Bootstrap, String> {
+    let input = std::io::stdin();
+    if input.is_terminal() {
+        return Err("standard input is a terminal".to_owned());
+    }
+    let (sender, receiver) = sync_channel(1);
+    thread::Builder::new()
+        .name("bootstrap".to_owned())
+        // An error means that the deadline has passed.
+        .spawn(move || drop(sender.send(read(&mut input.lock()))))
+        .map_err(|error| error.to_string())?;
+    receiver
+        .recv_timeout(BOOTSTRAP_DEADLINE)
+        .unwrap_or_else(|_| Err(format!("nothing on standard input for {} s", BOOTSTRAP_DEADLINE.as_secs())))
+}
+
+fn read(input: &mut impl Read) -> Result<Bootstrap, String> {
+    let mut received = vec![0; PREFIX_BYTES];
+    input.read_exact(&mut received).map_err(|_| "standard input is empty".to_owned())?;
+    let too_long = |error: CodecError| format!("standard input holds {error}");
+    let bytes = codec::frame_bytes(&received, codec::frame_bytes_max::<Bootstrap>()).map_err(too_long)?;
+    received.resize(bytes.unwrap_or_default(), 0);
+    input.read_exact(&mut received).map_err(|_| "standard input ends early".to_owned())?;
+    let (bootstrap, _) = codec::decode(&received).map_err(|error| format!("standard input is {error}"))?;
+    Ok(bootstrap)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::{Epoch, NodeId};
+    use crate::protocol::hello::RunToken;
+
+    fn bootstrap() -> Bootstrap {
+        Bootstrap {
+            role: Role::Node(NodeId(3)),
+            epoch: Epoch(1),
+            token: RunToken::new([7; 32]),
+            manager: ([127, 0, 0, 1], 4242).into(),
+            log: "logs/node-3.log".into(),
+            heartbeat_milliseconds: 250,
+        }
+    }
+
+    #[test]
+    fn a_bootstrap_is_read_back() {
+        let frame = codec::encode(&bootstrap(), &[]).expect("short");
+        assert_eq!(read(&mut frame.as_slice()), Ok(bootstrap()));
+    }
+
+    #[test]
+    fn anything_else_says_what_it_is() {
+        let frame = codec::encode(&bootstrap(), &[]).expect("short");
+        let refused = |mut input: &[u8]| read(&mut input).expect_err("not a bootstrap");
+        assert_eq!(refused(b""), "standard input is empty");
+        assert_eq!(refused(&frame[..20]), "standard input ends early");
+        assert!(refused(&[0xff; 64]).contains("at most 4096"), "a claim of 4 GiB");
+        assert!(refused(&[0, 0, 0, 4, 9, 9, 9, 9]).contains("not a Bootstrap"));
+    }
+}

@@ -1,0 +1,155 @@
+//! The bus of a cluster: its shared memory, the arbitration between those who ask, the log of both.
+//!
+//! The control conversation runs here; the memory conversations in [`memory_loop`], on a thread of its own.
+
+mod client;
+pub mod memory_loop;
+pub mod state;
+
+use std::net::IpAddr;
+use std::thread;
+use std::time::Duration;
+
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::timeout;
+
+use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
+use self::state::{State, initiator};
+use super::bootstrap::StartError;
+use super::{Child, ControlLink};
+use crate::ids::Epoch;
+use crate::protocol::connection::{Arrival, ConnectionError, Listener, WRITE_DEADLINE};
+use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
+use crate::protocol::hello::{Role, RunToken};
+use crate::recording::{Metadata, RecordingError, Writer};
+
+/// Incidents on their way from the loop to the manager.
+const INCIDENTS_MAX: usize = 64;
+/// To serve what has arrived and make the recording whole.
+const FINISH_DEADLINE: Duration = Duration::from_secs(60);
+
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error("{0}")]
+    System(#[from] std::io::Error),
+    #[error(transparent)]
+    Connection(#[from] ConnectionError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    #[error(transparent)]
+    Loop(#[from] LoopError),
+    #[error("the thread that owns the memory connections has ended")]
+    LoopEnded,
+    #[error("the recording was not closed within {} s", FINISH_DEADLINE.as_secs())]
+    Unfinished,
+    #[error("the manager is gone")]
+    Orphaned,
+}
+
+/// From standard input to the end of the process.
+///
+/// # Errors
+/// Anything that keeps the bus from going on; the manager was told.
+pub fn run() -> Result<(), BusError> {
+    let child = Child::start("marti-bus", Role::Bus)?;
+    let mut link = child.control(BusReport::Heartbeat)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let outcome = runtime.block_on(async {
+        let outcome = serve(&child, &mut link).await;
+        let report = match &outcome {
+            Ok(totals) => BusReport::Finished(*totals),
+            Err(error) => BusReport::Incident(error.to_string()),
+        };
+        // An error means that the manager is gone: the log has the outcome.
+        let _ = link.reports.send(report).await;
+        outcome
+    });
+    if let Err(error) = &outcome {
+        tracing::error!("{error}");
+    }
+    link.close();
+    outcome.map(drop)
+}
+
+/// Until the manager says that it is over.
+async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> Result<BusTotals, BusError> {
+    let configuration = match link.commands.recv().await {
+        Some(BusCommand::Configure(configuration)) => configuration,
+        Some(BusCommand::Finish { .. }) => return Ok(BusTotals::default()),
+        None => return Err(BusError::Orphaned),
+    };
+    let epoch = child.bootstrap.epoch;
+    let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
+    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender)?;
+    let mut listener = listen(link.interface, child.bootstrap.token).await?;
+    let mut reports = vec![BusReport::Listening(listener.address())];
+    loop {
+        for report in reports.drain(..) {
+            link.reports.send(report).await.map_err(|_| BusError::Orphaned)?;
+        }
+        tokio::select! {
+            arrival = listener.arrival() => reports.extend(admit(arrival, &handle)),
+            Some(incident) = incidents.recv() => reports.push(BusReport::Incident(incident)),
+            outcome = &mut ended => {
+                outcome.map_err(|_| BusError::LoopEnded)??;
+                return Err(BusError::LoopEnded);
+            }
+            command = link.commands.recv() => match command {
+                Some(BusCommand::Finish { lost }) => {
+                    handle.send(Command::Finish { lost })?;
+                    let finished = timeout(FINISH_DEADLINE, ended).await.map_err(|_| BusError::Unfinished)?;
+                    return finished.map_err(|_| BusError::LoopEnded)??.ok_or(BusError::LoopEnded);
+                }
+                Some(BusCommand::Configure(_)) => {
+                    reports.push(BusReport::Incident("configured twice: the second is not heeded".to_owned()));
+                }
+                None => return Err(BusError::Orphaned),
+            },
+        }
+    }
+}
+
+type LoopOutcome = Result<Option<BusTotals>, LoopError>;
+
+fn start_loop(
+    configuration: &BusConfiguration,
+    epoch: Epoch,
+    incidents: mpsc::Sender<String>,
+) -> Result<(Handle, oneshot::Receiver<LoopOutcome>), BusError> {
+    let BusConfiguration { cluster, arbiter, layout, recording } = configuration;
+    let metadata = Metadata { cluster: *cluster, epoch, arbiter: *arbiter, layout: layout.clone() };
+    let recording = Writer::create(recording, &metadata)?;
+    let state = State::new(configuration, epoch);
+    let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, WRITE_DEADLINE)?;
+    let (sender, ended) = oneshot::channel();
+    // An error means that nobody waits for the outcome any more.
+    thread::Builder::new().name("bus".to_owned()).spawn(move || drop(sender.send(memory_loop.run())))?;
+    Ok((handle, ended))
+}
+
+async fn listen(interface: IpAddr, token: RunToken) -> Result<Listener, BusError> {
+    let admits = |role, _| match initiator(role) {
+        Some(_) => Ok(()),
+        None => Err("the manager, the master or a node".to_owned()),
+    };
+    Ok(Listener::bind(interface, token, admits).await?)
+}
+
+/// Hands a peer to the loop; returns what the manager should know if there is none.
+fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
+    let admitted = arrival.and_then(|(peer, connection)| Ok((peer, connection.into_std()?)));
+    let incident = match admitted {
+        Ok((peer, stream)) => match handle.send(Command::Admit(peer, stream)) {
+            Ok(()) => return None,
+            Err(error) => format!("{peer}: not admitted: {error}"),
+        },
+        Err(refused) => refused.to_string(),
+    };
+    tracing::warn!("{incident}");
+    Some(BusReport::Incident(incident))
+}
+
+#[cfg(test)]
+mod tests;

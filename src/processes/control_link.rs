@@ -1,0 +1,144 @@
+//! A child's end of its control connection.
+//!
+//! It has a thread and a runtime of its own, so that nothing that the process does can hold up its signs
+//! of life, and so that the process ends when the manager is gone, whatever its other threads do.
+
+use std::net::IpAddr;
+use std::process;
+use std::sync::mpsc::sync_channel;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+
+use super::bootstrap::StartError;
+use crate::codec::Message;
+use crate::protocol::connection::{Connection, ConnectionError, Receiver, Sender, connect};
+use crate::protocol::control::Bootstrap;
+use crate::protocol::hello::{Hello, Role};
+
+/// For the manager to answer the first hello.
+const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
+/// From the end of the control connection to that of the process, for closing files.
+const ORPHAN_GRACE: Duration = Duration::from_millis(700);
+/// For the manager to take note of the last report and hang up.
+const FAREWELL_DEADLINE: Duration = Duration::from_secs(1);
+const QUEUE_MAX: usize = 256;
+
+/// Commands from the manager, reports to it. Heartbeats go out by themselves.
+#[derive(Debug)]
+pub struct ControlLink<Command, Report> {
+    /// Ends (`None`) when the manager is gone: the process must end then, and is ended if it does not.
+    pub commands: mpsc::Receiver<Command>,
+    pub reports: mpsc::Sender<Report>,
+    /// The interface at which the manager reaches this host: where a server of this process listens.
+    pub interface: IpAddr,
+    closing: oneshot::Sender<()>,
+    thread: JoinHandle<()>,
+}
+
+impl<Command: Message, Report: Message + Clone> ControlLink<Command, Report> {
+    /// Dials the manager and starts to send `heartbeat` every so often.
+    ///
+    /// # Errors
+    /// The manager does not answer within 5 s, or refuses this process.
+    pub(super) fn open(bootstrap: &Bootstrap, hello: &Hello, heartbeat: Report) -> Result<Self, StartError> {
+        let (command_sender, commands) = mpsc::channel(QUEUE_MAX);
+        let (reports, report_receiver) = mpsc::channel(QUEUE_MAX);
+        let (connected, connection) = sync_channel(1);
+        let (closing, close) = oneshot::channel();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(StartError::Thread)?;
+        let (manager, hello) = (bootstrap.manager, hello.clone());
+        let period = Duration::from_millis(bootstrap.heartbeat_milliseconds.max(1));
+        let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
+            runtime.block_on(async move {
+                let connection = match connect(Role::Manager, manager, &hello, CONNECT_DEADLINE).await {
+                    Ok(connection) => connection,
+                    Err(error) => return drop(connected.send(Err(error))),
+                };
+                drop(connected.send(Ok(connection.local_address().ip())));
+                converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
+            });
+        });
+        let thread = thread.map_err(StartError::Thread)?;
+        // The thread answers in any case, within the deadline for connecting.
+        let interface = connection.recv().map_err(|error| StartError::Thread(std::io::Error::other(error)))??;
+        Ok(Self { commands, reports, interface, closing, thread })
+    }
+
+    /// Sends what was reported so far, waits until the manager hangs up (1 s at most), and lets this
+    /// process go. What is reported later, through clones of [`Self::reports`], is not sent.
+    pub fn close(self) {
+        drop(self.closing);
+        // A panic of that thread is in the log.
+        let _ = self.thread.join();
+    }
+}
+
+async fn converse<Command: Message, Report: Message + Clone>(
+    connection: Connection,
+    commands: mpsc::Sender<Command>,
+    reports: mpsc::Receiver<Report>,
+    close: oneshot::Receiver<()>,
+    heartbeat: Report,
+    period: Duration,
+) {
+    let (sender, mut receiver) = connection.split::<Report, Command>();
+    let mut farewell = std::pin::pin!(report(sender, reports, close, heartbeat, period));
+    let orphaned = tokio::select! {
+        biased;
+        told = &mut farewell => match told {
+            // Everything is said: what else comes does not matter, the end does.
+            Ok(()) => return drop(timeout(FAREWELL_DEADLINE, drain(&mut receiver)).await),
+            Err(error) => error.to_string(),
+        },
+        why = forward(&mut receiver, &commands) => why,
+    };
+    tracing::error!("the manager is gone: {orphaned}");
+    drop(commands);
+    sleep(ORPHAN_GRACE).await;
+    process::exit(1);
+}
+
+/// Heartbeats and reports until the process closes the link.
+async fn report<Report: Message + Clone>(
+    mut sender: Sender<Report>,
+    mut reports: mpsc::Receiver<Report>,
+    mut close: oneshot::Receiver<()>,
+    heartbeat: Report,
+    period: Duration,
+) -> Result<(), ConnectionError> {
+    let mut beat = interval(period);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            biased;
+            _ = beat.tick() => sender.send(&heartbeat).await?,
+            report = reports.recv() => match report {
+                Some(report) => sender.send(&report).await?,
+                None => break,
+            },
+            // What is in the queue is still received, then the queue ends.
+            _ = &mut close, if !reports.is_closed() => reports.close(),
+        }
+    }
+    sender.finish().await;
+    Ok(())
+}
+
+/// Commands until the manager is gone, and why it is.
+async fn forward<Command: Message>(receiver: &mut Receiver<Command>, commands: &mpsc::Sender<Command>) -> String {
+    loop {
+        match receiver.receive().await {
+            // An error means that the process does not listen any more: it is about to close.
+            Ok(Some(command)) => drop(commands.send(command).await),
+            Ok(None) => return "it closed the connection".to_owned(),
+            Err(error) => return error.to_string(),
+        }
+    }
+}
+
+async fn drain<Command: Message>(receiver: &mut Receiver<Command>) {
+    while let Ok(Some(_)) = receiver.receive().await {}
+}

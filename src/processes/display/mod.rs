@@ -1,0 +1,212 @@
+//! The display: puts tiles together, acknowledges them, writes the image.
+//!
+//! [`state`] decides; this shell moves pixels from the nodes to it and the frame to files.
+
+mod state;
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use bytes::BytesMut;
+use tokio::sync::mpsc;
+use tokio::task::{AbortHandle, spawn_blocking};
+
+use self::state::{Action, ConnectionId, Event, State};
+use crate::processes::{Child, ControlLink, StartError};
+use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Receiver, Sender};
+use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
+use crate::protocol::hello::Role;
+use crate::protocol::image::{ImageReply, TilePixels};
+
+/// Tiles received and not composited yet, of all nodes.
+const TILES_MAX: usize = 16;
+
+#[derive(Debug, thiserror::Error)]
+pub enum DisplayError {
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error("cannot listen: {0}")]
+    Listen(#[from] std::io::Error),
+    #[error("the manager is gone")]
+    ManagerGone,
+    #[error("the manager sent something else than a configuration")]
+    NotConfigured,
+    /// The manager knows.
+    #[error("{0}")]
+    Failed(String),
+}
+
+type Link = ControlLink<DisplayCommand, DisplayReport>;
+
+/// Serves until the manager asks for the image, and writes what there is.
+///
+/// # Errors
+/// The manager is gone, there is no memory for the image, or it cannot be written.
+pub async fn run(child: Child) -> Result<(), DisplayError> {
+    let mut link: Link = child.control(DisplayReport::Heartbeat)?;
+    let served = serve(&mut link, &child).await;
+    let last = match &served {
+        Ok(totals) => DisplayReport::Finished(totals.clone()),
+        Err(error) => DisplayReport::Failed(error.to_string()),
+    };
+    // Where the manager is gone nobody is left to be told.
+    let _ = report(&link, last).await;
+    link.close();
+    served.map(drop)
+}
+
+async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayError> {
+    let configuration = match link.commands.recv().await {
+        Some(DisplayCommand::Configure(configuration)) => configuration,
+        Some(DisplayCommand::Finish) => return Err(DisplayError::NotConfigured),
+        None => return Err(DisplayError::ManagerGone),
+    };
+    let state = State::new(&configuration).map_err(|error| DisplayError::Failed(error.to_string()))?;
+    let listener = Listener::bind(link.interface, child.bootstrap.token, |role, _| match role {
+        Role::Node(_) => Ok(()),
+        _ => Err("a node".to_owned()),
+    })
+    .await?;
+    report(link, DisplayReport::Listening(listener.address())).await?;
+    Shell::new(state).serve(link, listener, configuration).await
+}
+
+async fn report(link: &Link, report: DisplayReport) -> Result<(), DisplayError> {
+    link.reports.send(report).await.map_err(|_| DisplayError::ManagerGone)
+}
+
+/// The state and the connections it acts through.
+struct Shell {
+    state: State,
+    nodes: HashMap<ConnectionId, NodeConnection>,
+    connections: u64,
+    arrived: mpsc::Receiver<Arrived>,
+    /// For the readers of the nodes' connections.
+    arrived_sender: mpsc::Sender<Arrived>,
+    /// Both directions, since the handshakes.
+    wire_bytes: u64,
+}
+
+struct NodeConnection {
+    sender: Sender<ImageReply>,
+    reader: AbortHandle,
+}
+
+impl Drop for NodeConnection {
+    fn drop(&mut self) {
+        self.reader.abort();
+    }
+}
+
+/// What a node's connection brought.
+enum Arrived {
+    Tile { from: ConnectionId, tile: TilePixels, bytes: BytesMut, wire_bytes: u64 },
+    Nonsense(String),
+    End(ConnectionId),
+}
+
+impl Shell {
+    fn new(state: State) -> Self {
+        let (arrived_sender, arrived) = mpsc::channel(TILES_MAX);
+        Self { state, nodes: HashMap::new(), connections: 0, arrived, arrived_sender, wire_bytes: 0 }
+    }
+
+    async fn serve(
+        mut self,
+        link: &mut Link,
+        mut listener: Listener,
+        configuration: DisplayConfiguration,
+    ) -> Result<DisplayTotals, DisplayError> {
+        loop {
+            tokio::select! {
+                biased;
+                command = link.commands.recv() => match command {
+                    Some(DisplayCommand::Finish) => return self.write(configuration).await,
+                    Some(DisplayCommand::Configure(_)) => {
+                        self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
+                    }
+                    None => return Err(DisplayError::ManagerGone),
+                },
+                Some(arrived) = self.arrived.recv() => match arrived {
+                    Arrived::Tile { from, tile, bytes, wire_bytes } => {
+                        self.wire_bytes += wire_bytes;
+                        self.handle(link, Event::Tile { from, tile, bytes: &bytes }).await?;
+                    }
+                    Arrived::Nonsense(what) => self.handle(link, Event::Refused(what)).await?,
+                    Arrived::End(node) => drop(self.nodes.remove(&node)),
+                },
+                arrival = listener.arrival() => match arrival {
+                    Ok((_, connection)) => self.admit(connection),
+                    Err(refused) => self.handle(link, Event::Refused(refused.to_string())).await?,
+                },
+            }
+        }
+    }
+
+    fn admit(&mut self, connection: Connection) {
+        let id = ConnectionId(self.connections);
+        self.connections += 1;
+        let (sender, receiver) = connection.split::<ImageReply, TilePixels>();
+        let receiver = receiver.with_bulk_bytes_max(self.state.tile_bytes_max());
+        let reader = tokio::spawn(read(id, receiver, self.arrived_sender.clone())).abort_handle();
+        self.nodes.insert(id, NodeConnection { sender, reader });
+    }
+
+    async fn handle(&mut self, link: &Link, event: Event<'_>) -> Result<(), DisplayError> {
+        for action in self.state.handle(event) {
+            match action {
+                Action::Reply(to, reply) => self.reply(to, &reply).await,
+                Action::Dismiss(node) => drop(self.nodes.remove(&node)),
+                Action::Report(told) => report(link, told).await?,
+            }
+        }
+        Ok(())
+    }
+
+    /// A node has so few tiles under way that their replies always fit the socket's buffer: nothing waits here.
+    async fn reply(&mut self, to: ConnectionId, reply: &ImageReply) {
+        let Some(node) = self.nodes.get_mut(&to) else { return };
+        let before = node.sender.wire_bytes();
+        if let Err(error) = node.sender.send(reply).await {
+            // Its reader tells the end.
+            tracing::warn!("{error}");
+        }
+        self.wire_bytes += node.sender.wire_bytes() - before;
+    }
+
+    /// Writes whatever tiles there are, in a thread of its own: a large image takes seconds.
+    async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
+        let Self { state, wire_bytes, .. } = self;
+        let written = spawn_blocking(move || {
+            let (frame, totals) = state.finish();
+            let written: Vec<PathBuf> = frame.write(&configuration.image, configuration.exr)?;
+            std::io::Result::Ok(DisplayTotals { wire_bytes, written, ..totals })
+        });
+        let failed = |error: &dyn std::fmt::Display| DisplayError::Failed(format!("cannot write the image: {error}"));
+        written.await.map_err(|error| failed(&error))?.map_err(|error| failed(&error))
+    }
+}
+
+/// Tiles of a node until its connection ends.
+async fn read(from: ConnectionId, mut receiver: Receiver<TilePixels>, arrived: mpsc::Sender<Arrived>) {
+    loop {
+        let before = receiver.wire_bytes();
+        let received = match receiver.receive_with_bulk().await {
+            Ok(Some((tile, bytes))) => Arrived::Tile { from, tile, bytes, wire_bytes: receiver.wire_bytes() - before },
+            Ok(None) => break,
+            // An error here means that the display has ended, as below.
+            Err(error @ ConnectionError { fault: Fault::Frame(_), .. }) => {
+                let _ = arrived.send(Arrived::Nonsense(error.to_string())).await;
+                break;
+            }
+            Err(error) => {
+                tracing::warn!("{error}");
+                break;
+            }
+        };
+        if arrived.send(received).await.is_err() {
+            return;
+        }
+    }
+    let _ = arrived.send(Arrived::End(from)).await;
+}

@@ -1,0 +1,189 @@
+//! The way to the end of a run, whatever the cause: the nodes first, so that nothing is under way any more, then
+//! the master closes its books, then bus and display theirs, then all go. Every step has a deadline.
+
+use std::time::Duration;
+
+use super::Interrupt;
+use super::process::{Process, ProcessId, Stage};
+use super::state::{Phase, State};
+use crate::protocol::hello::Role;
+
+/// From a signal until everybody is killed: all must be over within two seconds.
+const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1300);
+/// From a server's death until everybody is killed; the display needs some time for the partial image.
+const FAILED_DEADLINE: Duration = Duration::from_secs(5);
+/// For the last processes to go after they have told everything.
+const FAREWELL_DEADLINE: Duration = Duration::from_secs(2);
+/// From killing a process until its death is confirmed.
+const KILL_DEADLINE: Duration = Duration::from_millis(500);
+
+/// Why a run ends.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum Cause {
+    Complete,
+    /// All nodes are set aside.
+    NoNodes,
+    Interrupted(Interrupt),
+    /// A process that cannot be replaced died; which, and how.
+    Failed(String),
+}
+
+#[derive(Debug)]
+pub(super) struct Ending {
+    pub(super) cause: Cause,
+    step: Step,
+    deadline: Duration,
+    /// Who kept us waiting past the deadline was killed.
+    forced: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Step {
+    Nodes,
+    Master,
+    /// Bus and display.
+    Books,
+    Farewell,
+}
+
+impl State {
+    /// Begins the end.
+    pub(super) fn end(&mut self, cause: Cause) {
+        let deadline = self.now + self.patience(&cause, Step::Nodes);
+        let gently = cause == Cause::Complete;
+        self.phase = Phase::Ending(Ending { cause, step: Step::Nodes, deadline, forced: false });
+        let nodes: Vec<_> = self.table.nodes().map(|node| (node.id, node.stage)).collect();
+        for (id, stage) in nodes {
+            match stage {
+                Stage::Serving | Stage::Working if gently => self.tell_to_finish(id),
+                _ => self.dismiss(id),
+            }
+        }
+    }
+
+    /// A process that cannot be replaced is dead, or a part of the run impossible.
+    pub(super) fn fail(&mut self, why: String) {
+        match &mut self.phase {
+            Phase::Starting | Phase::Running => self.end(Cause::Failed(why)),
+            // The first failure is the cause of the others; a signal explains them all.
+            Phase::Ending(ending) if matches!(ending.cause, Cause::Complete | Cause::NoNodes) => {
+                ending.cause = Cause::Failed(why);
+                ending.deadline = ending.deadline.min(self.now + FAILED_DEADLINE);
+            }
+            Phase::Ending(_) | Phase::Over(_) => self.ledger.incident(self.now, why),
+        }
+    }
+
+    /// The first signal ends the run and keeps the partial image, the second one ends everything at once.
+    pub(super) fn interrupt(&mut self, signal: Interrupt) {
+        self.ledger.incident(self.now, format!("interrupted by {signal}"));
+        match &mut self.phase {
+            Phase::Starting | Phase::Running => self.end(Cause::Interrupted(signal)),
+            Phase::Ending(ending) if matches!(ending.cause, Cause::Complete | Cause::NoNodes) => {
+                ending.cause = Cause::Interrupted(signal);
+                ending.deadline = ending.deadline.min(self.now + INTERRUPTED_DEADLINE);
+            }
+            Phase::Ending(ending) => {
+                (ending.step, ending.forced) = (Step::Farewell, true);
+                ending.deadline = self.now + KILL_DEADLINE;
+                self.kill("was killed by a second signal", |_| true);
+            }
+            Phase::Over(_) => {}
+        }
+    }
+
+    /// Goes as many steps towards the end as are possible now.
+    pub(super) fn advance_ending(&mut self) {
+        while let Phase::Ending(ending) = &self.phase {
+            let step = ending.step;
+            if self.table.iter().any(|process| keeps_waiting(process, step)) {
+                return;
+            }
+            let next = match step {
+                Step::Nodes => {
+                    self.finish_or_kill(Role::Master);
+                    self.finish_or_kill(Role::Display);
+                    Step::Master
+                }
+                Step::Master => {
+                    self.finish_or_kill(Role::Bus);
+                    Step::Books
+                }
+                Step::Books => Step::Farewell,
+                Step::Farewell => return self.be_over(),
+            };
+            self.enter_step(next);
+        }
+    }
+
+    /// Kills those who keep the run waiting past the step's deadline.
+    pub(super) fn tick_ending(&mut self) {
+        let Phase::Ending(ending) = &mut self.phase else { return };
+        if self.now <= ending.deadline {
+            return;
+        }
+        let step = ending.step;
+        if ending.forced {
+            // Not even killing helped: they go with the manager.
+            return self.be_over();
+        }
+        ending.forced = true;
+        ending.deadline = self.now + KILL_DEADLINE;
+        self.kill("did not end in time", |process| keeps_waiting(process, step));
+    }
+
+    fn enter_step(&mut self, step: Step) {
+        let Phase::Ending(ending) = &self.phase else { return };
+        let deadline = self.now + self.patience(&ending.cause, step);
+        let Phase::Ending(ending) = &mut self.phase else { return };
+        ending.step = step;
+        // An end that is not peaceful has one deadline for all steps, but for those that killing has delayed.
+        let peaceful = matches!(ending.cause, Cause::Complete | Cause::NoNodes);
+        if peaceful || ending.forced || step == Step::Farewell {
+            ending.deadline = deadline;
+        }
+        ending.forced = false;
+    }
+
+    fn patience(&self, cause: &Cause, step: Step) -> Duration {
+        match (cause, step) {
+            (Cause::Interrupted(_), Step::Farewell) => KILL_DEADLINE,
+            (Cause::Interrupted(_), _) => INTERRUPTED_DEADLINE,
+            (_, Step::Farewell) => FAREWELL_DEADLINE,
+            (Cause::Failed(_), _) => FAILED_DEADLINE,
+            // As long as a tile may take: closing a recording and writing an image are work too.
+            (Cause::Complete | Cause::NoNodes, _) => self.plan.run.deadlines.tile,
+        }
+    }
+
+    fn finish_or_kill(&mut self, role: Role) {
+        let id = ProcessId::first(role);
+        match self.table.get_mut(id) {
+            Some(process) if process.stage == Stage::Serving => self.tell_to_finish(id),
+            Some(process) if process.stage < Stage::Serving => self.dismiss(id),
+            _ => {}
+        }
+    }
+
+    fn kill(&mut self, why: &str, chosen: impl Fn(&Process) -> bool) {
+        let chosen: Vec<_> = self.table.iter().filter(|process| chosen(process)).map(|process| process.id).collect();
+        chosen.into_iter().for_each(|id| self.doom(id, why.to_owned()));
+    }
+
+    fn be_over(&mut self) {
+        if let Phase::Ending(ending) = &self.phase {
+            self.phase = Phase::Over(ending.cause.clone());
+        }
+    }
+}
+
+/// Whether a step is not done because of this process.
+fn keeps_waiting(process: &Process, step: Step) -> bool {
+    let open = process.stage < Stage::Finished;
+    match step {
+        Step::Nodes => process.id.node().is_some(),
+        Step::Master => process.id.role == Role::Master && open,
+        Step::Books => open,
+        Step::Farewell => true,
+    }
+}

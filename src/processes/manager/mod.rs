@@ -1,0 +1,197 @@
+//! The manager: prepares the scene, starts the other processes, watches them, gives out the tiles, and tells
+//! what came of it.
+//!
+//! [`state`] decides, [`shell`] moves messages and processes; [`ending`] is the way to the end.
+
+mod children;
+mod closing;
+mod control_port;
+mod ending;
+mod executables;
+mod job_queue;
+mod ledger;
+mod output_folder;
+mod plan;
+mod process;
+mod process_table;
+mod progress;
+mod shell;
+mod state;
+mod tile_order;
+mod upload;
+
+#[cfg(test)]
+mod sample;
+#[cfg(test)]
+mod state_tests;
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use self::ending::Cause;
+use self::executables::Executables;
+pub use self::executables::MissingExecutable;
+use self::output_folder::OutputFolder;
+use self::plan::Plan;
+use crate::preparation::{PreparationError, prepare_topology};
+use crate::protocol::hello::RunToken;
+use crate::report::{Report, json};
+use crate::telemetry::{self, TelemetryError};
+use crate::topology::Topology;
+use crate::tracer::{AovSet, Tiling};
+
+/// More tiles than this are refused: each takes some 16 bytes here.
+const TILES_MAX: u64 = 1 << 24;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct RunRequest {
+    pub topology: Topology,
+    /// The folder for image, report, recording and logs; made if need be.
+    pub out: PathBuf,
+    pub aov: AovSet,
+    pub exr: bool,
+    /// No progress on standard error.
+    pub quiet: bool,
+}
+
+/// What asked a run to end early.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Interrupt {
+    Sigint,
+    Sigterm,
+}
+
+impl fmt::Display for Interrupt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sigint => "SIGINT",
+            Self::Sigterm => "SIGTERM",
+        })
+    }
+}
+
+/// How a run ended that did not fail.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum RunEnd {
+    Done,
+    /// Every node is set aside; the image is partial.
+    TilesMissing,
+    /// By this signal; the image is partial, unless all tiles were done.
+    Interrupted(Interrupt),
+}
+
+#[derive(Clone, Debug)]
+pub struct RunOutcome {
+    pub end: RunEnd,
+    /// Also written to `report.json`.
+    pub report: Report,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Preparation(#[from] PreparationError),
+    #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
+    TooManyTiles { tiles: u64 },
+    #[error("cluster.local_memory: {0}")]
+    LocalMemory(#[from] crate::machine::local_memory::GeometryError),
+    #[error(transparent)]
+    MissingExecutable(#[from] MissingExecutable),
+    /// The error names the file.
+    #[error("{0}")]
+    Output(io::Error),
+    #[error(transparent)]
+    Telemetry(#[from] TelemetryError),
+    #[error("the system has no {what}: {error}")]
+    System { what: &'static str, error: String },
+    /// A process that cannot be replaced died; which, and how. The report is written, and the partial image if
+    /// the display lived.
+    #[error("{0}")]
+    Process(String),
+}
+
+impl RunError {
+    /// Whether what was asked for cannot be right, however often it is tried.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::Preparation(_) | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+    }
+}
+
+/// Renders a topology with all its processes; returns when none of them lives any more.
+///
+/// # Errors
+/// The scene is wrong, the output folder cannot be written, or a process failed that cannot be replaced.
+pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
+    let start = Instant::now();
+    let executables = Executables::beside_this_one()?;
+    let RunRequest { topology, out, .. } = &request;
+    let prepared = prepare_topology(topology)?;
+    let database = prepared.database.database();
+    let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
+    let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
+
+    let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
+    match telemetry::start(&folder.log("manager")) {
+        // A second run in one process goes on in the first one's log.
+        Err(TelemetryError::Started) => {}
+        started => started?,
+    }
+    let plan = Plan {
+        cluster: topology.cluster,
+        octree: topology.octree,
+        run: topology.run,
+        header: database.header.clone(),
+        view: prepared.view.clone(),
+        tiling,
+        aov: request.aov,
+        exr: request.exr,
+        image: folder.image(),
+        recording: folder.recording(),
+    };
+    let run = shell::Run {
+        start,
+        executables,
+        logs: folder.logs(),
+        token: token()?,
+        words: Arc::clone(&database.words),
+        quiet: request.quiet,
+    };
+    let facts = closing::Facts::new(topology, &prepared, local_bytes);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
+    // The bus holds the database from here on.
+    drop(prepared);
+    let state = runtime.block_on(run.to_the_end(plan))?;
+    // Whatever still lives is killed with its task.
+    drop(runtime);
+
+    let report = closing::report(&state, facts, start.elapsed());
+    json::write(&report, &folder.report()).map_err(RunError::Output)?;
+    let end = match state.over() {
+        Some(Cause::Complete) => RunEnd::Done,
+        Some(Cause::Interrupted(signal)) => RunEnd::Interrupted(*signal),
+        Some(Cause::Failed(why)) => return Err(RunError::Process(why.clone())),
+        Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
+    };
+    Ok(RunOutcome { end, report })
+}
+
+fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {
+    let (tile_width, tile_height) = topology.image.tile;
+    let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
+    if tiles > TILES_MAX {
+        return Err(RunError::TooManyTiles { tiles });
+    }
+    Ok(Tiling { width, height, tile_width, tile_height })
+}
+
+fn token() -> Result<RunToken, RunError> {
+    let mut bytes = [0; 32];
+    let filled = getrandom::fill(&mut bytes);
+    filled.map_err(|error| RunError::System { what: "random numbers", error: error.to_string() })?;
+    Ok(RunToken::new(bytes))
+}

@@ -1,0 +1,81 @@
+//! What is to be rendered, by whom, and where to: all that processes are configured with.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use crate::database::Header;
+use crate::ids::ClusterId;
+use crate::protocol::control::{
+    BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
+    NodeCommand, NodeConfiguration,
+};
+use crate::topology::{Cluster, Octree, Run};
+use crate::tracer::{AovSet, Tiling, View};
+
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    pub(super) cluster: Cluster,
+    pub(super) octree: Octree,
+    pub(super) run: Run,
+    pub(super) header: Header,
+    pub(super) view: View,
+    pub(super) tiling: Tiling,
+    pub(super) aov: AovSet,
+    pub(super) exr: bool,
+    /// The image file.
+    pub(super) image: PathBuf,
+    /// The folder of the recording.
+    pub(super) recording: PathBuf,
+}
+
+/// Where the servers listen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Addresses {
+    pub(super) bus: SocketAddr,
+    pub(super) master: SocketAddr,
+    pub(super) display: SocketAddr,
+}
+
+impl Plan {
+    pub(super) fn configure_bus(&self) -> BusCommand {
+        BusCommand::Configure(BusConfiguration {
+            cluster: ClusterId(0),
+            arbiter: self.cluster.bus.arbiter,
+            layout: self.header.layout.clone(),
+            recording: self.recording.clone(),
+        })
+    }
+
+    pub(super) fn configure_master(&self, bus: SocketAddr) -> MasterCommand {
+        MasterCommand::Configure(MasterConfiguration {
+            bus,
+            nodes: self.cluster.nodes,
+            assignment: self.run.assignment,
+            tile_deadline_milliseconds: u64::try_from(self.run.deadlines.tile.as_millis()).unwrap_or(u64::MAX),
+        })
+    }
+
+    pub(super) fn configure_node(&self, addresses: Addresses) -> NodeCommand {
+        NodeCommand::Configure(Box::new(NodeConfiguration {
+            master: addresses.master,
+            bus: addresses.bus,
+            display: addresses.display,
+            header: self.header.clone(),
+            view: self.view.clone(),
+            tiling: self.tiling,
+            aov: self.aov,
+            octree: self.octree,
+            local_memory: self.cluster.local_memory,
+            seed: self.run.seed,
+        }))
+    }
+
+    pub(super) fn configure_display(&self) -> DisplayCommand {
+        DisplayCommand::Configure(DisplayConfiguration {
+            tiling: self.tiling,
+            aov: self.aov,
+            image: self.image.clone(),
+            exr: self.exr,
+        })
+    }
+}

@@ -1,0 +1,115 @@
+//! All processes that are not known to be dead, and which of them keep the manager waiting for too long.
+
+use std::time::Duration;
+
+use super::process::{Process, ProcessId, Stage};
+use crate::protocol::hello::Role;
+use crate::topology::Deadlines;
+
+/// From the end of a control connection to that of its process.
+const EXIT_DEADLINE: Duration = Duration::from_secs(1);
+
+#[derive(Debug, Default)]
+pub(super) struct ProcessTable {
+    processes: Vec<Process>,
+}
+
+impl ProcessTable {
+    pub(super) fn insert(&mut self, process: Process) {
+        self.processes.push(process);
+    }
+
+    pub(super) fn remove(&mut self, id: ProcessId) -> Option<Process> {
+        let place = self.processes.iter().position(|process| process.id == id)?;
+        Some(self.processes.swap_remove(place))
+    }
+
+    pub(super) fn get_mut(&mut self, id: ProcessId) -> Option<&mut Process> {
+        self.processes.iter_mut().find(|process| process.id == id)
+    }
+
+    /// The process that holds a role now.
+    pub(super) fn holder(&self, role: Role) -> Option<&Process> {
+        self.processes.iter().find(|process| process.id.role == role)
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Process> {
+        self.processes.iter()
+    }
+
+    pub(super) fn nodes(&self) -> impl Iterator<Item = &Process> {
+        self.processes.iter().filter(|process| process.id.node().is_some())
+    }
+
+    /// Who has missed a deadline, and which; each as the rest of a sentence that begins with its name.
+    pub(super) fn overdue(&self, now: Duration, deadlines: &Deadlines) -> Vec<(ProcessId, String)> {
+        let alive = self.processes.iter().filter(|process| process.doom.is_none());
+        alive.filter_map(|process| Some((process.id, overdue(process, now, deadlines)?))).collect()
+    }
+}
+
+fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<String> {
+    let late = |since: Duration, deadline: Duration| now.saturating_sub(since) > deadline;
+    let is_server = process.id.node().is_none();
+    if let Some(hung_up) = process.hung_up {
+        return late(hung_up, EXIT_DEADLINE).then(|| "closed its control connection and did not end".to_owned());
+    }
+    match process.stage {
+        Stage::Spawned if late(process.since, deadlines.startup) => {
+            return Some(format!("did not connect within {}", seconds(deadlines.startup)));
+        }
+        Stage::Connected if is_server && late(process.since, deadlines.startup) => {
+            return Some(format!("did not listen within {}", seconds(deadlines.startup)));
+        }
+        // One that was handed a tile is the master's to judge.
+        Stage::Serving if !is_server && late(process.since, deadlines.tile) => {
+            return Some(format!("took no tile within {}", seconds(deadlines.tile)));
+        }
+        _ => {}
+    }
+    let silent = process.stage >= Stage::Connected && late(process.last_sign, deadlines.heartbeat);
+    silent.then(|| format!("was silent for more than {}", seconds(deadlines.heartbeat)))
+}
+
+pub(super) fn seconds(duration: Duration) -> String {
+    format!("{} s", duration.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::NodeId;
+    use crate::processes::manager::sample;
+
+    /// Deadlines: startup 10 s, heartbeat 5 s, tile 60 s.
+    fn overdue_at(second: u64, role: Role, stage: Stage, last_sign: u64, hung_up: Option<u64>) -> Option<String> {
+        let mut table = ProcessTable::default();
+        table.insert(Process {
+            stage,
+            last_sign: Duration::from_secs(last_sign),
+            hung_up: hung_up.map(Duration::from_secs),
+            ..Process::spawned(ProcessId::first(role), Duration::ZERO)
+        });
+        table.overdue(Duration::from_secs(second), &sample::run().deadlines).pop().map(|(_, why)| why)
+    }
+
+    #[test]
+    fn each_deadline_is_kept() {
+        let node = Role::Node(NodeId(1));
+        assert_eq!(overdue_at(10, Role::Bus, Stage::Spawned, 0, None), None);
+        assert_eq!(overdue_at(11, Role::Bus, Stage::Spawned, 0, None).as_deref(), Some("did not connect within 10 s"));
+        assert_eq!(
+            overdue_at(11, Role::Bus, Stage::Connected, 11, None).as_deref(),
+            Some("did not listen within 10 s")
+        );
+        assert_eq!(overdue_at(11, node, Stage::Connected, 11, None), None, "it waits for the servers");
+        assert_eq!(overdue_at(61, node, Stage::Serving, 61, None).as_deref(), Some("took no tile within 60 s"));
+        assert_eq!(overdue_at(61, Role::Bus, Stage::Serving, 61, None), None);
+        assert_eq!(overdue_at(99, node, Stage::Working, 94, None), None);
+        let silent = overdue_at(99, node, Stage::Working, 93, None);
+        assert_eq!(silent.as_deref(), Some("was silent for more than 5 s"));
+        assert_eq!(overdue_at(99, node, Stage::Finished, 0, Some(98)), None);
+        let stays = overdue_at(99, node, Stage::Finished, 0, Some(97));
+        assert_eq!(stays.as_deref(), Some("closed its control connection and did not end"));
+    }
+}

@@ -1,0 +1,43 @@
+//! Plans for the tests of this folder.
+
+use std::time::Duration;
+
+use glam::DVec3;
+
+use super::plan::Plan;
+use crate::database::{Header, Layout, Normalisation, Section};
+use crate::scene::Camera;
+use crate::topology::{
+    Arbiter, Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Replacement, Run, TileOrder,
+};
+use crate::tracer::view::ImageSettings;
+use crate::tracer::{AovSet, Tiling, View};
+
+pub(super) fn run() -> Run {
+    let deadlines = Deadlines {
+        startup: Duration::from_secs(10),
+        heartbeat: Duration::from_secs(5),
+        tile: Duration::from_secs(60),
+    };
+    Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, deadlines }
+}
+
+/// An image of `tiles` tiles.
+pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
+    let local_memory = LocalMemory { size: MemorySize::All, line: 64, ways: None, replacement: Replacement::Lru };
+    let camera = Camera { from: DVec3::ZERO, at: DVec3::Z, up: DVec3::Y, angle_degrees: 45.0, resolution: None };
+    let image = ImageSettings { width: tiles, height: 1, depth: 4, cutoff: 0.0 };
+    let layout = Layout::new([8; Section::COUNT]).expect("small");
+    Plan {
+        cluster: Cluster { nodes, local_memory, bus: Bus { arbiter: Arbiter::Fifo } },
+        octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
+        run: run(),
+        header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },
+        view: View { camera, lights: Vec::new(), background: DVec3::ZERO, image },
+        tiling: Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 },
+        aov: AovSet::default(),
+        exr: false,
+        image: "out/image.png".into(),
+        recording: "out/recording".into(),
+    }
+}

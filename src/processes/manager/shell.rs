@@ -1,0 +1,147 @@
+//! Turns what happens into events for the state, and does what it answers.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval};
+
+use super::children::Children;
+use super::control_port::ControlPort;
+use super::executables::Executables;
+use super::plan::Plan;
+use super::progress::Progress;
+use super::state::{Action, Event, State};
+use super::upload::upload;
+use super::{Interrupt, RunError};
+use crate::ids::Epoch;
+use crate::protocol::hello::{Hello, Role, RunToken};
+
+/// How often deadlines are looked at.
+const TICK: Duration = Duration::from_millis(50);
+/// Reports that were not looked at yet; processes wait then.
+const EVENTS_MAX: usize = 1024;
+
+/// What a run needs besides its plan.
+pub(super) struct Run {
+    pub(super) start: Instant,
+    pub(super) executables: Executables,
+    /// The folder of the logs.
+    pub(super) logs: PathBuf,
+    pub(super) token: RunToken,
+    /// The database image.
+    pub(super) words: Arc<Vec<u32>>,
+    /// No progress.
+    pub(super) quiet: bool,
+}
+
+/// The state's hands.
+struct Shell {
+    start: Instant,
+    port: ControlPort,
+    children: Children,
+    events: mpsc::Sender<Event>,
+    /// Until it is loaded into the bus.
+    words: Option<Arc<Vec<u32>>>,
+    token: RunToken,
+    upload_deadline: Duration,
+}
+
+impl Run {
+    /// Runs until the state is over; gives it back.
+    ///
+    /// # Errors
+    /// The system has no port or no signals.
+    pub(super) async fn to_the_end(self, plan: Plan) -> Result<State, RunError> {
+        let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
+        let (sender, mut events) = mpsc::channel(EVENTS_MAX);
+        let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
+        let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
+        let port = ControlPort::bind(self.token, sender.clone()).await.map_err(|error| system("free port", error))?;
+        let mut shell = Shell::new(&self, &plan, port, sender);
+        let (mut state, actions) = State::start(plan);
+        let mut progress = Progress::new(self.quiet, state.queue.total());
+        shell.act(actions);
+        let mut tick = interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        while state.over().is_none() {
+            let event = tokio::select! {
+                Some(()) = arrived(&mut interrupt) => Event::Signal(Interrupt::Sigint),
+                Some(()) = arrived(&mut terminate) => Event::Signal(Interrupt::Sigterm),
+                Some(event) = events.recv() => event,
+                event = shell.port.arrival() => event,
+                _ = tick.tick() => {
+                    progress.show(&state);
+                    Event::Tick
+                }
+            };
+            let actions = state.handle(shell.start.elapsed(), event);
+            shell.act(actions);
+        }
+        progress.finish(&state);
+        Ok(state)
+    }
+}
+
+async fn arrived(signal: &mut Signal) -> Option<()> {
+    signal.recv().await
+}
+
+impl Shell {
+    fn new(run: &Run, plan: &Plan, port: ControlPort, events: mpsc::Sender<Event>) -> Self {
+        let deadlines = plan.run.deadlines;
+        let children = Children {
+            executables: run.executables.clone(),
+            logs: run.logs.clone(),
+            token: run.token,
+            manager: port.address(),
+            heartbeat_deadline: deadlines.heartbeat,
+            events: events.clone(),
+            alive: HashMap::new(),
+        };
+        Self {
+            start: run.start,
+            port,
+            children,
+            events,
+            words: Some(Arc::clone(&run.words)),
+            token: run.token,
+            upload_deadline: deadlines.startup,
+        }
+    }
+
+    fn act(&mut self, actions: Vec<Action>) {
+        for action in actions {
+            tracing::debug!("{action:?}");
+            match action {
+                Action::Spawn(id) => {
+                    self.port.expect(id);
+                    self.children.spawn(id);
+                }
+                Action::Tell(id, command) => {
+                    if !self.port.tell(id, command) {
+                        tracing::error!("{id} does not read what it is told, and is killed");
+                        self.children.kill(id);
+                    }
+                }
+                Action::HangUp(id) => self.port.hang_up(id),
+                Action::Kill(id) => self.children.kill(id),
+                Action::Upload(bus) => self.upload(bus),
+            }
+        }
+    }
+
+    fn upload(&mut self, bus: std::net::SocketAddr) {
+        let Some(words) = self.words.take() else { return };
+        let (events, deadline) = (self.events.clone(), self.upload_deadline);
+        let hello = Hello::new(Role::Manager, Epoch(0), self.token);
+        tokio::spawn(async move {
+            let loaded = upload(bus, &hello, bytemuck::cast_slice(&words), deadline).await;
+            // An error means that the manager has ended.
+            let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
+        });
+    }
+}

@@ -1,0 +1,60 @@
+//! The place of one processing node at the master's table.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::ids::{Attempt, Epoch, NodeId, TileId};
+
+/// One process of those that hold a node's place one after the other.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) struct NodeProcess {
+    pub(super) node: NodeId,
+    pub(super) epoch: Epoch,
+}
+
+impl fmt::Display for NodeProcess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.node, self.epoch)
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Seat {
+    /// Of the process that sits or sat here last.
+    pub(super) epoch: Option<Epoch>,
+    /// At most [`crate::protocol::work::JOBS_PER_NODE`].
+    pub(super) held: Vec<Held>,
+    /// Whether the manager knows that it is at work.
+    pub(super) announced: bool,
+    told_late: bool,
+}
+
+/// An attempt that is out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held {
+    pub(super) tile: TileId,
+    pub(super) attempt: Attempt,
+    pub(super) since: Duration,
+}
+
+impl Seat {
+    pub(super) fn taken_by(epoch: Epoch) -> Self {
+        Self { epoch: Some(epoch), ..Self::default() }
+    }
+
+    /// Whether the attempt was held here.
+    pub(super) fn give_back(&mut self, tile: TileId, attempt: Attempt) -> bool {
+        let place = self.held.iter().position(|held| held.tile == tile && held.attempt == attempt);
+        place.map(|place| self.held.remove(place)).is_some()
+    }
+
+    /// A tile held for longer than the deadline, the first time only.
+    pub(super) fn late_tile(&mut self, now: Duration, deadline: Duration) -> Option<TileId> {
+        if self.told_late {
+            return None;
+        }
+        let late = self.held.iter().find(|held| now.saturating_sub(held.since) > deadline)?;
+        self.told_late = true;
+        Some(late.tile)
+    }
+}

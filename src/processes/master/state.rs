@@ -1,0 +1,450 @@
+//! Who holds which tile. No socket, no clock: the shell says what happened and when.
+
+use std::collections::{HashSet, VecDeque};
+use std::time::Duration;
+
+use super::seat::{Held, NodeProcess, Seat};
+use crate::ids::{Attempt, NodeId, TileId};
+use crate::protocol::control::{
+    LostAttempt, MasterCommand, MasterConfiguration, MasterReport, MasterTotals, TileGrant,
+};
+use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, MemoryRequest};
+use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkRequest};
+
+/// Tiles a node that the master asks the manager for, waiting or handed out.
+const TILES_A_NODE: u32 = 8;
+/// Tiles are asked for by so many at least: less than a node's, so that none waits for another's.
+const TILES_ASKED_MIN: u32 = TILES_A_NODE / 2;
+
+#[derive(Debug)]
+pub(super) enum Event {
+    Command(MasterCommand),
+    Connected(NodeProcess),
+    /// The connection ended. The process is not known to be dead yet: the manager says when it is.
+    Disconnected(NodeProcess),
+    Request(NodeProcess, WorkRequest),
+    /// Somebody was not let in.
+    Refused(String),
+    Tick,
+}
+
+#[derive(Clone, PartialEq, Debug)]
+pub(super) enum Action {
+    Report(MasterReport),
+    Hand {
+        to: NodeProcess,
+        tile: TileId,
+        attempt: Attempt,
+    },
+    /// A modelled message.
+    Bus(MemoryRequest),
+    /// End the connection.
+    Dismiss(NodeProcess),
+    /// All is told.
+    End(MasterTotals),
+}
+
+#[derive(Debug)]
+pub(super) struct State {
+    /// From a tile's issue to its completion.
+    tile_deadline: Duration,
+    /// By node id.
+    seats: Vec<Seat>,
+    queue: VecDeque<TileGrant>,
+    /// Nodes that can take a tile, one entry for each tile, longest waiting first.
+    waiting: VecDeque<NodeId>,
+    /// Tiles asked of the manager that have not come yet.
+    asked: u32,
+    totals: MasterTotals,
+    /// Their completions are stale, should they arrive.
+    lost: HashSet<LostAttempt>,
+    actions: Vec<Action>,
+}
+
+impl State {
+    pub(super) fn new(configuration: &MasterConfiguration) -> Self {
+        Self {
+            tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
+            seats: (0..configuration.nodes).map(|_| Seat::default()).collect(),
+            queue: VecDeque::new(),
+            waiting: VecDeque::new(),
+            asked: 0,
+            totals: MasterTotals::default(),
+            lost: HashSet::new(),
+            actions: Vec::new(),
+        }
+    }
+
+    /// What is to be done about an event, in order. `now` is the time since any fixed moment.
+    pub(super) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+        match event {
+            Event::Command(command) => self.obey(command),
+            Event::Connected(process) => self.connected(process),
+            Event::Disconnected(process) => self.disconnected(process),
+            Event::Request(process, WorkRequest::Ready) => self.ready(process),
+            Event::Request(process, WorkRequest::Done(done)) => self.done(process, done),
+            Event::Refused(who) => self.incident(who),
+            Event::Tick => self.report_late(now),
+        }
+        self.hand_out(now);
+        self.ask();
+        std::mem::take(&mut self.actions)
+    }
+
+    fn obey(&mut self, command: MasterCommand) {
+        match command {
+            MasterCommand::Configure(_) => self.incident("configured twice; the first one counts".to_owned()),
+            MasterCommand::Tiles(grants) => {
+                self.asked = self.asked.saturating_sub(grants.len() as u32);
+                self.queue.extend(grants);
+            }
+            MasterCommand::NodeLost { node, epoch } => self.lose(NodeProcess { node, epoch }),
+            MasterCommand::NodeSetAside { node } => {
+                self.queue.iter_mut().filter(|grant| grant.node == Some(node)).for_each(|grant| grant.node = None);
+            }
+            MasterCommand::Finish => self.finish(),
+        }
+    }
+
+    fn connected(&mut self, process: NodeProcess) {
+        let Some(seat) = self.seats.get(usize::from(process.node.0)) else { return };
+        if seat.epoch.is_some_and(|current| process.epoch <= current) {
+            return self.dismiss(process, "has a successor, or came twice");
+        }
+        // A process is replaced when it is dead only.
+        if let Some(epoch) = seat.epoch {
+            self.lose(NodeProcess { epoch, ..process });
+        }
+        self.seats[usize::from(process.node.0)] = Seat::taken_by(process.epoch);
+    }
+
+    fn disconnected(&mut self, process: NodeProcess) {
+        if self.seat(process).is_some() {
+            self.stop_waiting(process.node);
+        }
+    }
+
+    fn ready(&mut self, process: NodeProcess) {
+        let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
+        let Some(seat) = self.seat(process) else { return };
+        if seat.held.len() + waiting >= JOBS_PER_NODE {
+            return self.dismiss(process, &format!("asked for more than {JOBS_PER_NODE} tiles"));
+        }
+        self.waiting.push_back(process.node);
+    }
+
+    fn done(&mut self, process: NodeProcess, done: Box<TileDone>) {
+        let NodeProcess { node, epoch } = process;
+        let (tile, attempt) = (done.tile, done.attempt);
+        if self.seat(process).is_some_and(|seat| seat.give_back(tile, attempt)) {
+            self.totals.attempts_accepted += 1;
+            self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: END_OF_JOB_BYTES }));
+            self.actions.push(Action::Report(MasterReport::Done { node, epoch, done }));
+        } else if self.lost.remove(&LostAttempt { node, tile, attempt }) {
+            // It was on its way when its node died.
+            self.totals.attempts_lost -= 1;
+            self.totals.attempts_stale += 1;
+        } else {
+            self.dismiss(process, &format!("told the end of {tile}, {attempt}, which it does not hold"));
+        }
+    }
+
+    /// The process is dead: what it held is lost.
+    fn lose(&mut self, process: NodeProcess) {
+        let Some(seat) = self.seat(process) else { return };
+        let held = std::mem::take(&mut seat.held);
+        self.stop_waiting(process.node);
+        let lost = |Held { tile, attempt, .. }| LostAttempt { node: process.node, tile, attempt };
+        let lost: Vec<_> = held.into_iter().map(lost).collect();
+        if !lost.is_empty() {
+            self.totals.attempts_lost += lost.len() as u64;
+            self.lost.extend(&lost);
+            self.actions.push(Action::Report(MasterReport::Lost(lost)));
+        }
+    }
+
+    fn report_late(&mut self, now: Duration) {
+        for (node, seat) in self.seats.iter_mut().enumerate() {
+            if let (Some(epoch), Some(tile)) = (seat.epoch, seat.late_tile(now, self.tile_deadline)) {
+                let node = NodeId(node as u16);
+                self.actions.push(Action::Report(MasterReport::Late { node, epoch, tile }));
+            }
+        }
+    }
+
+    fn finish(&mut self) {
+        self.queue.clear();
+        self.waiting.clear();
+        for node in 0..self.seats.len() {
+            if let Some(epoch) = self.seats[node].epoch {
+                self.lose(NodeProcess { node: NodeId(node as u16), epoch });
+            }
+        }
+        self.actions.push(Action::End(self.totals));
+    }
+
+    /// Gives waiting nodes the first tile of the queue that each may trace.
+    fn hand_out(&mut self, now: Duration) {
+        let mut next = 0;
+        while let Some(&node) = self.waiting.get(next) {
+            let may_trace = |grant: &TileGrant| grant.node.is_none_or(|only| only == node);
+            let Some(grant) = self.queue.iter().position(may_trace).and_then(|place| self.queue.remove(place)) else {
+                next += 1;
+                continue;
+            };
+            self.waiting.remove(next);
+            self.hand(now, node, grant);
+        }
+    }
+
+    fn hand(&mut self, now: Duration, node: NodeId, TileGrant { tile, attempt, .. }: TileGrant) {
+        let Some(seat) = self.seats.get_mut(usize::from(node.0)) else { return };
+        let Some(epoch) = seat.epoch else { return };
+        seat.held.push(Held { tile, attempt, since: now });
+        let announce = !std::mem::replace(&mut seat.announced, true);
+        self.totals.attempts_issued += 1;
+        self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: JOB_BYTES }));
+        self.actions.push(Action::Hand { to: NodeProcess { node, epoch }, tile, attempt });
+        if announce {
+            self.actions.push(Action::Report(MasterReport::NodeReady { node, epoch }));
+        }
+    }
+
+    /// Keeps ahead, so that no node waits for the manager.
+    fn ask(&mut self) {
+        let held: usize = self.seats.iter().map(|seat| seat.held.len()).sum();
+        let have = (self.queue.len() + held) as u32 + self.asked;
+        let room = (TILES_A_NODE * self.seats.len() as u32).saturating_sub(have);
+        if room >= TILES_ASKED_MIN {
+            self.asked += room;
+            self.actions.push(Action::Report(MasterReport::TilesWanted(room)));
+        }
+    }
+
+    /// The seat of a process as long as no successor sits there.
+    fn seat(&mut self, process: NodeProcess) -> Option<&mut Seat> {
+        let seat = self.seats.get_mut(usize::from(process.node.0));
+        seat.filter(|seat| seat.epoch == Some(process.epoch))
+    }
+
+    fn stop_waiting(&mut self, node: NodeId) {
+        self.waiting.retain(|&waiting| waiting != node);
+    }
+
+    fn dismiss(&mut self, process: NodeProcess, why: &str) {
+        if self.seat(process).is_some() {
+            self.stop_waiting(process.node);
+        }
+        self.incident(format!("{process} {why}"));
+        self.actions.push(Action::Dismiss(process));
+    }
+
+    fn incident(&mut self, text: String) {
+        self.actions.push(Action::Report(MasterReport::Incident(text)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::Epoch;
+    use crate::topology::Assignment;
+    use crate::tracer::TraceStats;
+
+    fn first(node: u16) -> NodeProcess {
+        NodeProcess { node: NodeId(node), epoch: Epoch(0) }
+    }
+
+    fn state(nodes: u16) -> State {
+        let mut state = State::new(&MasterConfiguration {
+            bus: ([127, 0, 0, 1], 1).into(),
+            nodes,
+            assignment: Assignment::OnDemand,
+            tile_deadline_milliseconds: 1000,
+        });
+        for node in 0..nodes {
+            at(&mut state, 0, Event::Connected(first(node)));
+        }
+        state
+    }
+
+    fn at(state: &mut State, milliseconds: u64, event: Event) -> Vec<Action> {
+        state.handle(Duration::from_millis(milliseconds), event)
+    }
+
+    fn command(state: &mut State, command: MasterCommand) -> Vec<Action> {
+        at(state, 0, Event::Command(command))
+    }
+
+    fn tiles(state: &mut State, tiles: impl IntoIterator<Item = (u32, Option<u16>)>) -> Vec<Action> {
+        let grant = |(tile, node): (u32, Option<u16>)| TileGrant {
+            tile: TileId(tile),
+            attempt: Attempt(0),
+            node: node.map(NodeId),
+        };
+        command(state, MasterCommand::Tiles(tiles.into_iter().map(grant).collect()))
+    }
+
+    fn ready(state: &mut State, node: u16) -> Vec<Action> {
+        request(state, node, WorkRequest::Ready)
+    }
+
+    fn done(state: &mut State, node: u16, tile: u32) -> Vec<Action> {
+        let done = TileDone {
+            tile: TileId(tile),
+            attempt: Attempt(0),
+            trace: TraceStats::default(),
+            memory: None,
+            render_cpu_nanoseconds: 0,
+        };
+        request(state, node, WorkRequest::Done(Box::new(done)))
+    }
+
+    fn request(state: &mut State, node: u16, request: WorkRequest) -> Vec<Action> {
+        at(state, 0, Event::Request(first(node), request))
+    }
+
+    fn handed(actions: &[Action]) -> Vec<(u16, u32)> {
+        let hand = |action: &Action| match action {
+            Action::Hand { to, tile, .. } => Some((to.node.0, tile.0)),
+            _ => None,
+        };
+        actions.iter().filter_map(hand).collect()
+    }
+
+    fn reports(actions: Vec<Action>) -> Vec<MasterReport> {
+        let report = |action| match action {
+            Action::Report(report) => Some(report),
+            _ => None,
+        };
+        actions.into_iter().filter_map(report).collect()
+    }
+
+    fn totals(state: &mut State) -> MasterTotals {
+        let actions = command(state, MasterCommand::Finish);
+        let Some(Action::End(totals)) = actions.last() else { panic!("no end in {actions:?}") };
+        assert_eq!(
+            totals.attempts_issued,
+            totals.attempts_accepted + totals.attempts_stale + totals.attempts_lost,
+            "{totals:?}"
+        );
+        *totals
+    }
+
+    #[test]
+    fn tiles_go_to_whoever_asks_first() {
+        let mut state = state(2);
+        assert!(handed(&ready(&mut state, 1)).is_empty());
+        assert!(handed(&ready(&mut state, 0)).is_empty());
+        assert_eq!(handed(&tiles(&mut state, [(5, None), (6, None), (7, None)])), [(1, 5), (0, 6)]);
+        assert_eq!(handed(&ready(&mut state, 0)), [(0, 7)]);
+        assert_eq!(totals(&mut state).attempts_issued, 3);
+    }
+
+    #[test]
+    fn the_manager_is_asked_ahead_and_in_handfuls() {
+        let mut state = State::new(&MasterConfiguration {
+            bus: ([127, 0, 0, 1], 1).into(),
+            nodes: 2,
+            assignment: Assignment::OnDemand,
+            tile_deadline_milliseconds: 1000,
+        });
+        let asked = |actions: Vec<Action>| {
+            reports(actions).into_iter().find_map(|r| if let MasterReport::TilesWanted(n) = r { Some(n) } else { None })
+        };
+        assert_eq!(asked(at(&mut state, 0, Event::Connected(first(0)))), Some(16));
+        assert_eq!(asked(tiles(&mut state, (0..16).map(|t| (t, None)))), None);
+        for tile in 0..3 {
+            assert_eq!(asked(ready(&mut state, 0)), None);
+            assert_eq!(asked(done(&mut state, 0, tile)), None);
+        }
+        ready(&mut state, 0);
+        assert_eq!(asked(done(&mut state, 0, 3)), Some(4));
+    }
+
+    #[test]
+    fn a_node_that_dies_loses_what_it_holds() {
+        let mut state = state(2);
+        tiles(&mut state, [(0, None), (1, None), (2, None)]);
+        assert_eq!(handed(&ready(&mut state, 0)), [(0, 0)]);
+        assert_eq!(handed(&ready(&mut state, 0)), [(0, 1)]);
+        // The connection's end is not yet a death.
+        assert!(reports(at(&mut state, 1, Event::Disconnected(first(0)))).is_empty());
+        let told = reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) }));
+        let lost = |tile| LostAttempt { node: NodeId(0), tile: TileId(tile), attempt: Attempt(0) };
+        assert_eq!(told, [MasterReport::Lost(vec![lost(0), lost(1)])]);
+        // Told again, nothing is lost twice.
+        assert!(reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) })).is_empty());
+        assert_eq!(totals(&mut state), MasterTotals { attempts_issued: 2, attempts_lost: 2, ..Default::default() });
+    }
+
+    #[test]
+    fn a_completion_after_its_nodes_death_is_stale_once() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None)]);
+        ready(&mut state, 0);
+        command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) });
+        let actions = done(&mut state, 0, 0);
+        assert!(!actions.iter().any(|a| matches!(a, Action::Report(MasterReport::Done { .. }))), "{actions:?}");
+        assert!(done(&mut state, 0, 0).iter().any(|a| matches!(a, Action::Dismiss(_))), "told twice");
+        assert_eq!(totals(&mut state), MasterTotals { attempts_issued: 1, attempts_stale: 1, ..Default::default() });
+    }
+
+    #[test]
+    fn a_successor_implies_the_death_of_its_predecessor() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None), (1, None)]);
+        ready(&mut state, 0);
+        let told = reports(at(&mut state, 1, Event::Connected(NodeProcess { node: NodeId(0), epoch: Epoch(1) })));
+        assert!(matches!(told.as_slice(), [MasterReport::Lost(lost)] if lost.len() == 1), "{told:?}");
+        // What the predecessor says is no longer heard, and its end does not touch the successor.
+        assert!(handed(&ready(&mut state, 0)).is_empty());
+        at(&mut state, 1, Event::Disconnected(first(0)));
+        let next = Event::Request(NodeProcess { node: NodeId(0), epoch: Epoch(1) }, WorkRequest::Ready);
+        assert_eq!(handed(&at(&mut state, 1, next)), [(0, 1)]);
+        let again = at(&mut state, 1, Event::Connected(first(0)));
+        assert!(again.iter().any(|a| matches!(a, Action::Dismiss(_))));
+    }
+
+    #[test]
+    fn interleaved_tiles_wait_for_their_node_until_it_is_set_aside() {
+        let mut state = state(2);
+        tiles(&mut state, [(0, Some(0)), (1, Some(1)), (2, Some(0)), (3, Some(1))]);
+        assert_eq!(handed(&ready(&mut state, 1)), [(1, 1)]);
+        assert_eq!(handed(&ready(&mut state, 1)), [(1, 3)]);
+        done(&mut state, 1, 1);
+        assert!(handed(&ready(&mut state, 1)).is_empty(), "the others are node 0's");
+        assert_eq!(handed(&command(&mut state, MasterCommand::NodeSetAside { node: NodeId(0) })), [(1, 0)]);
+    }
+
+    #[test]
+    fn a_tile_past_its_deadline_is_reported_once() {
+        let mut state = state(1);
+        tiles(&mut state, [(4, None), (5, None)]);
+        ready(&mut state, 0);
+        assert!(reports(at(&mut state, 1000, Event::Tick)).is_empty());
+        let late = MasterReport::Late { node: NodeId(0), epoch: Epoch(0), tile: TileId(4) };
+        assert_eq!(reports(at(&mut state, 1001, Event::Tick)), [late]);
+        assert!(reports(at(&mut state, 2000, Event::Tick)).is_empty());
+    }
+
+    #[test]
+    fn a_node_that_asks_for_too_much_is_dismissed() {
+        let mut state = state(1);
+        for _ in 0..JOBS_PER_NODE {
+            assert!(reports(ready(&mut state, 0)).is_empty());
+        }
+        let actions = ready(&mut state, 0);
+        assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
+        assert!(matches!(&reports(actions)[..], [MasterReport::Incident(why)] if why.contains("more than 2")));
+    }
+
+    #[test]
+    fn the_first_tile_of_a_process_is_announced() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None), (1, None)]);
+        let announced = |actions| reports(actions).iter().any(|r| matches!(r, MasterReport::NodeReady { .. }));
+        assert!(announced(ready(&mut state, 0)));
+        assert!(!announced(ready(&mut state, 0)));
+    }
+}

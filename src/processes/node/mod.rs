@@ -1,0 +1,179 @@
+//! A processing node: asks the master for tiles, traces them through its local memory, sends the pixels to
+//! the display, and tells the master when they have arrived.
+
+pub mod bus_lines;
+pub mod state;
+pub mod tile_memory;
+pub mod tracer_thread;
+
+use std::time::Duration;
+
+use tokio::time::{Instant, timeout_at};
+
+pub use bus_lines::BusLines;
+
+use self::state::{Action, Event, State, Violation};
+use self::tracer_thread::{FromTracer, Tracer};
+use super::bootstrap::StartError;
+use super::{Child, ControlLink};
+use crate::ids::NodeId;
+use crate::protocol::connection::{ConnectionError, Receiver, Sender, connect};
+use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
+use crate::protocol::hello::{Hello, Role};
+use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::work::{WorkReply, WorkRequest};
+
+/// For master and display to answer the hello.
+const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
+/// For the display to acknowledge a tile.
+const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
+
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error("{0}")]
+    System(#[from] std::io::Error),
+    #[error(transparent)]
+    Connection(#[from] ConnectionError),
+    #[error(transparent)]
+    Violation(#[from] Violation),
+    #[error("tracer: {0}")]
+    Tracer(String),
+    #[error("the {0} closed the connection")]
+    Left(Role),
+    #[error("the display refused a tile: {0}")]
+    PixelsRefused(String),
+    #[error("the display acknowledged nothing for {} s", ACKNOWLEDGE_DEADLINE.as_secs())]
+    Unacknowledged,
+    #[error("the manager is gone")]
+    Orphaned,
+}
+
+/// From standard input to the end of the process.
+///
+/// # Errors
+/// Anything that keeps this node from going on; the manager was told.
+pub fn run() -> Result<(), NodeError> {
+    let child = Child::start("marti-node", Role::Node(NodeId(0)))?;
+    let mut link = child.control(NodeReport::Heartbeat)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let outcome = runtime.block_on(async {
+        let outcome = work(&child, &mut link).await;
+        let report = match &outcome {
+            Ok(()) => NodeReport::Finished,
+            Err(error) => NodeReport::Failed(error.to_string()),
+        };
+        // An error means that the manager is gone: the log has the outcome.
+        let _ = link.reports.send(report).await;
+        outcome
+    });
+    if let Err(error) = &outcome {
+        tracing::error!("{error}");
+    }
+    link.close();
+    outcome
+}
+
+/// Until the manager says that it is over.
+async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<(), NodeError> {
+    let configuration = match link.commands.recv().await {
+        Some(NodeCommand::Configure(configuration)) => *configuration,
+        Some(NodeCommand::Finish) => return Ok(()),
+        None => return Err(NodeError::Orphaned),
+    };
+    let mut shell = Shell::start(configuration, child.hello()).await?;
+    loop {
+        let event = tokio::select! {
+            command = link.commands.recv() => match command {
+                Some(NodeCommand::Finish) => return Ok(()),
+                Some(NodeCommand::Configure(_)) => {
+                    tracing::warn!("configured twice: the second is not heeded");
+                    continue;
+                }
+                None => return Err(NodeError::Orphaned),
+            },
+            event = shell.event() => event?,
+        };
+        shell.handle(event).await?;
+    }
+}
+
+/// The sources of events, and what is done about them.
+struct Shell {
+    state: State,
+    tracer: Tracer,
+    to_master: Sender<WorkRequest>,
+    from_master: Receiver<WorkReply>,
+    to_display: Sender<TilePixels>,
+    from_display: Receiver<ImageReply>,
+    /// Of the acknowledgement that is awaited.
+    late: Instant,
+}
+
+impl Shell {
+    async fn start(configuration: NodeConfiguration, hello: Hello) -> Result<Self, NodeError> {
+        let master = connect(Role::Master, configuration.master, &hello, CONNECT_DEADLINE).await?;
+        let display = connect(Role::Display, configuration.display, &hello, CONNECT_DEADLINE).await?;
+        let (to_master, from_master) = master.split();
+        let (to_display, from_display) = display.split();
+        let state = State::new(configuration.tiling);
+        let tracer = Tracer::start(configuration, hello)?;
+        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, late: Instant::now() })
+    }
+
+    /// The next thing that happens. May be cancelled without losing one.
+    async fn event(&mut self) -> Result<Event, NodeError> {
+        let late = self.state.awaits_display().then_some(self.late);
+        tokio::select! {
+            said = self.tracer.said.recv() => match said {
+                Some(FromTracer::Ready) => Ok(Event::TracerReady),
+                Some(FromTracer::Traced(traced)) => Ok(Event::Traced(traced)),
+                Some(FromTracer::Failed(why)) => Err(NodeError::Tracer(why)),
+                None => Err(NodeError::Tracer("its thread ended".to_owned())),
+            },
+            reply = self.from_master.receive() => match reply? {
+                Some(WorkReply::Job { tile, attempt }) => Ok(Event::Job { tile, attempt }),
+                None => Err(NodeError::Left(Role::Master)),
+            },
+            reply = receive_until(&mut self.from_display, late) => match reply? {
+                Some(ImageReply::Acknowledged { tile, attempt }) => Ok(Event::Acknowledged { tile, attempt }),
+                Some(ImageReply::Refused(why)) => Err(NodeError::PixelsRefused(why)),
+                None => Err(NodeError::Left(Role::Display)),
+            },
+        }
+    }
+
+    async fn handle(&mut self, event: Event) -> Result<(), NodeError> {
+        if matches!(event, Event::Traced(_) | Event::Acknowledged { .. }) {
+            self.late = Instant::now() + ACKNOWLEDGE_DEADLINE;
+        }
+        for action in self.state.handle(event)? {
+            match action {
+                Action::AskForTile => self.to_master.send(&WorkRequest::Ready).await?,
+                Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
+                // There is room: no more tiles are asked for than the queue takes.
+                Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
+                Action::SendPixels { tile, attempt, planes } => {
+                    let pixels = TilePixels { tile, attempt, crc32c: crc32c::crc32c(&planes) };
+                    self.to_display.send_with_bulk(&pixels, &planes).await?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+async fn receive_until(
+    display: &mut Receiver<ImageReply>,
+    late: Option<Instant>,
+) -> Result<Option<ImageReply>, NodeError> {
+    match late {
+        Some(late) => timeout_at(late, display.receive()).await.map_err(|_| NodeError::Unacknowledged)?,
+        None => display.receive().await,
+    }
+    .map_err(NodeError::from)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,298 @@
+//! A node between a manager, a master, a bus and a display that the tests play.
+
+use std::net::Ipv4Addr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::thread;
+
+use glam::DVec3;
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+use super::*;
+use crate::database::Database;
+use crate::database::verify::Verified;
+use crate::ids::{Address, Attempt, Epoch, TileId};
+use crate::machine::cluster_memory::ClusterMemory;
+use crate::machine::transaction::FetchRequest;
+use crate::protocol::connection::Listener;
+use crate::protocol::control::Bootstrap;
+use crate::protocol::hello::RunToken;
+use crate::protocol::memory::{MemoryReply, MemoryRequest};
+use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::scene::{Camera, Light, Material, Scene, Sphere};
+use crate::topology::{LocalMemory, MemorySize, Octree, Replacement};
+use crate::tracer::octree::{BuildParameters, build_database};
+use crate::tracer::slices::Slices;
+use crate::tracer::view::ImageSettings;
+use crate::tracer::{AovSet, Pixels, TileTracer, Tiling, View};
+
+const TOKEN: RunToken = RunToken::new([5; 32]);
+const SOON: Duration = Duration::from_secs(10);
+const TILING: Tiling = Tiling { width: 20, height: 13, tile_width: 8, tile_height: 8 };
+const AOV: AovSet = AovSet { depth: true, normal: false, primitive: true };
+const ALL: MemorySize = MemorySize::All;
+const SMALL: MemorySize = MemorySize::Share { numerator: 1, denominator: 16 };
+
+/// 27 spheres, some of them mirrors.
+fn database() -> Verified {
+    let colour = |r, g, b| Material::from_nff(DVec3::new(r, g, b), 0.7, 0.3, 20.0, 0.0, 1.0);
+    let spheres = (0..27u32).map(|i| {
+        let centre = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+        Sphere { centre, radius: 0.4, material: i % 2 }
+    });
+    let scene = Scene {
+        materials: vec![colour(1.0, 0.5, 0.2), colour(0.1, 0.4, 0.9)],
+        spheres: spheres.collect(),
+        ..Scene::default()
+    };
+    build_database(&scene, BuildParameters { leaf_size: 2, max_depth: 8 }).expect("small")
+}
+
+fn view() -> View {
+    let from = DVec3::new(6.0, 5.0, 4.0);
+    View {
+        camera: Camera { from, at: DVec3::ONE, up: DVec3::Z, angle_degrees: 35.0, resolution: None },
+        lights: vec![Light { position: DVec3::new(9.0, 1.0, 9.0), colour: DVec3::ONE }],
+        background: DVec3::splat(0.1),
+        image: ImageSettings { width: TILING.width, height: TILING.height, depth: 3, cutoff: 0.0 },
+    }
+}
+
+/// The planes of every tile, traced without any process.
+fn expected(database: &Verified) -> Vec<Vec<u8>> {
+    let mut tracer = TileTracer::new(&database.database().header, &view(), true);
+    let trace = |tile| {
+        let rect = TILING.rect(TileId(tile)).expect("in the image");
+        let Ok((pixels, _)) = tracer.trace(&mut Slices::new(database), rect, AOV);
+        let mut planes = Vec::new();
+        pixels.write_bytes(&mut planes);
+        planes
+    };
+    (0..TILING.tile_count()).map(trace).collect()
+}
+
+async fn listen() -> Listener {
+    Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())).await.expect("loopback")
+}
+
+/// What the bus was asked for.
+#[derive(Default)]
+struct Asked {
+    fetches: AtomicU64,
+    bulks: AtomicU64,
+    pixel_bytes: AtomicU64,
+}
+
+/// Serves one node until it leaves, or leaves itself after so many requests.
+async fn play_bus(mut listener: Listener, database: Database, asked: Arc<Asked>, requests_max: u64) {
+    let mut memory = ClusterMemory::new(&database.header.layout);
+    memory.store(Address(0), database.bytes()).expect("whole");
+    let (_, connection) = listener.arrival().await.expect("the node");
+    let (mut sender, mut receiver) = connection.split::<MemoryReply, MemoryRequest>();
+    for _ in 0..requests_max {
+        let Ok(Some(request)) = receiver.receive().await else { return };
+        let data = match request {
+            MemoryRequest::Fetch { section, address, line_bytes, lines, accesses_before, .. } => {
+                asked.fetches.fetch_add(1, Relaxed);
+                let line_bytes = u32::from(line_bytes);
+                let fetch = FetchRequest { section, address, line_bytes, lines, accesses_before };
+                let mut data = Vec::new();
+                memory.gather(&fetch, &mut data).expect("a good fetch");
+                data
+            }
+            MemoryRequest::Bulk { address, bytes } => {
+                asked.bulks.fetch_add(1, Relaxed);
+                memory.range(address, u64::from(bytes)).expect("in range").to_vec()
+            }
+            MemoryRequest::Pixels { bytes, .. } => {
+                asked.pixel_bytes.fetch_add(u64::from(bytes), Relaxed);
+                continue;
+            }
+            other => panic!("a node does not ask for {other:?}"),
+        };
+        sender.send_with_bulk(&MemoryReply::Data { bytes: data.len() as u32 }, &data).await.expect("awaited");
+    }
+}
+
+/// Hands out all tiles and collects their completions. Stays until the node has ended.
+async fn play_master(mut listener: Listener, all: oneshot::Sender<Vec<TileDone>>) {
+    let (_, connection) = listener.arrival().await.expect("the node");
+    let (mut sender, mut receiver) = connection.split::<WorkReply, WorkRequest>();
+    let (mut next, mut outstanding, mut all_done) = (0, 0, Vec::new());
+    while all_done.len() < TILING.tile_count() as usize {
+        match receiver.receive().await.expect("whole frames").expect("the node stays") {
+            WorkRequest::Ready if next < TILING.tile_count() => {
+                sender.send(&WorkReply::Job { tile: TileId(next), attempt: Attempt(next) }).await.expect("awaited");
+                next += 1;
+                outstanding += 1;
+                assert!(outstanding <= JOBS_PER_NODE);
+            }
+            WorkRequest::Ready => {}
+            WorkRequest::Done(done) => {
+                outstanding -= 1;
+                all_done.push(*done);
+            }
+        }
+    }
+    // An error means that a test does not want them.
+    let _ = all.send(all_done);
+    while let Ok(Some(_)) = receiver.receive().await {}
+}
+
+async fn play_display(mut listener: Listener) -> Vec<Vec<u8>> {
+    let mut tiles = vec![Vec::new(); TILING.tile_count() as usize];
+    let (_, connection) = listener.arrival().await.expect("the node");
+    let (mut sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+    while let Ok(Some((TilePixels { tile, attempt, crc32c }, planes))) = receiver.receive_with_bulk().await {
+        assert_eq!(crc32c, crc32c::crc32c(&planes));
+        assert_eq!(planes.len(), Pixels::byte_len(TILING.rect(tile).expect("in the image").pixel_count(), AOV));
+        tiles[tile.0 as usize] = planes.to_vec();
+        sender.send(&ImageReply::Acknowledged { tile, attempt }).await.expect("awaited");
+    }
+    tiles
+}
+
+type Node = thread::JoinHandle<Result<(), NodeError>>;
+
+/// Starts a node as [`run`] does, but without standard input and log. What is returned tells it to finish.
+async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, Node) {
+    let mut manager = listen().await;
+    let bootstrap = Bootstrap {
+        role: Role::Node(NodeId(0)),
+        epoch: Epoch(0),
+        token: TOKEN,
+        manager: manager.address(),
+        log: "unused".into(),
+        heartbeat_milliseconds: 50,
+    };
+    let node = thread::spawn(|| {
+        let child = Child { bootstrap };
+        let mut link = child.control(NodeReport::Heartbeat).expect("welcome");
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        let outcome = runtime.block_on(work(&child, &mut link));
+        link.close();
+        outcome
+    });
+    let (_, connection) = manager.arrival().await.expect("the node");
+    let (mut to_node, mut from_node) = connection.split::<NodeCommand, NodeReport>();
+    to_node.send(&NodeCommand::Configure(Box::new(configuration))).await.expect("awaited");
+    let (finish, mut finished) = oneshot::channel();
+    tokio::spawn(async move {
+        while let Ok(Some(NodeReport::Heartbeat)) = from_node.receive().await {
+            if finished.try_recv().is_ok() {
+                to_node.send(&NodeCommand::Finish).await.expect("awaited");
+            }
+        }
+    });
+    (finish, node)
+}
+
+fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3]) -> NodeConfiguration {
+    let [master, bus, display] = servers.map(Listener::address);
+    NodeConfiguration {
+        master,
+        bus,
+        display,
+        header: database.database().header.clone(),
+        view: view(),
+        tiling: TILING,
+        aov: AOV,
+        octree: Octree { leaf_size: 2, max_depth: 8, mailbox: true },
+        local_memory: LocalMemory { size, line: 32, ways: None, replacement: Replacement::Lru },
+        seed: 1,
+    }
+}
+
+async fn ended(node: Node) -> Result<(), NodeError> {
+    let join = tokio::task::spawn_blocking(|| node.join().expect("no panic"));
+    timeout(SOON, join).await.expect("in time").expect("no panic")
+}
+
+#[tokio::test]
+async fn its_tiles_are_those_of_the_tracer_alone_and_its_counts_those_of_the_bus() {
+    let database = database();
+    let expected = expected(&database);
+    for replacement in [Replacement::Lru, Replacement::Fifo, Replacement::Clock, Replacement::Random] {
+        for size in [ALL, SMALL] {
+            let (master, bus, display) = (listen().await, listen().await, listen().await);
+            let mut configuration = configuration(&database, size, [&master, &bus, &display]);
+            configuration.local_memory.replacement = replacement;
+            let asked = Arc::new(Asked::default());
+            tokio::spawn(play_bus(bus, database.database().clone(), Arc::clone(&asked), u64::MAX));
+            let tiles = tokio::spawn(play_display(display));
+            let (all, all_done) = oneshot::channel();
+            tokio::spawn(play_master(master, all));
+            let (finish, node) = start_node(configuration).await;
+            let done = timeout(SOON, all_done).await.expect("in time").expect("no panic");
+            finish.send(()).expect("running");
+            ended(node).await.expect("told to finish");
+            assert!(tiles.await.expect("no panic") == expected, "{replacement:?}, {size:?}");
+            assert!(done.iter().all(|done| done.attempt.0 == done.tile.0 && done.render_cpu_nanoseconds > 0));
+
+            let counted: Vec<_> = done.iter().filter_map(|done| done.memory.as_ref()).collect();
+            let fetches: u64 = counted.iter().map(|memory| memory.total().record_misses).sum();
+            assert_eq!(counted.is_empty(), size == ALL);
+            assert_eq!(asked.fetches.load(Relaxed), fetches);
+            assert_eq!((fetches > 0, asked.bulks.load(Relaxed)), if size == ALL { (false, 1) } else { (true, 0) });
+            assert!(counted.iter().any(|memory| memory.stall_nanoseconds > 0) || size == ALL);
+            assert_eq!(asked.pixel_bytes.load(Relaxed), u64::from(3 * TILING.width * TILING.height));
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_bus_that_leaves_ends_the_node() {
+    let database = database();
+    for (size, requests) in [(ALL, 0), (SMALL, 0), (SMALL, 40)] {
+        let (master, bus, display) = (listen().await, listen().await, listen().await);
+        let configuration = configuration(&database, size, [&master, &bus, &display]);
+        tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), requests));
+        tokio::spawn(play_display(display));
+        tokio::spawn(play_master(master, oneshot::channel().0));
+        let (_finish, node) = start_node(configuration).await;
+        let error = ended(node).await.expect_err("no bus").to_string();
+        assert!(error.starts_with("tracer: ") && error.contains("bus at 127.0.0.1"), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_corrupt_database_ends_the_node() {
+    let database = database();
+    let (master, bus, display) = (listen().await, listen().await, listen().await);
+    let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+    let mut corrupt = database.database().clone();
+    Arc::make_mut(&mut corrupt.words)[0] = u32::MAX;
+    tokio::spawn(play_bus(bus, corrupt, Arc::default(), u64::MAX));
+    tokio::spawn(play_display(display));
+    tokio::spawn(play_master(master, oneshot::channel().0));
+    let (_finish, node) = start_node(configuration).await;
+    let error = ended(node).await.expect_err("corrupt").to_string();
+    assert!(error.contains("the database is corrupt: octree node"), "{error}");
+}
+
+#[tokio::test]
+async fn a_master_or_display_that_breaks_the_conversation_is_named() {
+    let database = database();
+    // A tile that is not in the image; and a display that hangs up.
+    for (tile, expected) in [(99, "the master handed out tile 99"), (0, "the display closed the connection")] {
+        let (mut master, bus, mut display) = (listen().await, listen().await, listen().await);
+        let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+        tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
+        tokio::spawn(async move {
+            let (_, connection) = master.arrival().await.expect("the node");
+            let (mut sender, mut receiver) = connection.split::<WorkReply, WorkRequest>();
+            while let Ok(Some(_)) = receiver.receive().await {
+                let _ = sender.send(&WorkReply::Job { tile: TileId(tile), attempt: Attempt(0) }).await;
+            }
+        });
+        tokio::spawn(async move {
+            let (_, connection) = display.arrival().await.expect("the node");
+            let (_sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+            receiver.receive_with_bulk().await
+        });
+        let (_finish, node) = start_node(configuration).await;
+        let error = ended(node).await.expect_err("broken").to_string();
+        assert!(error.starts_with(expected), "{error}");
+    }
+}

@@ -1,0 +1,104 @@
+//! The thread that traces. It owns the local memory and the connection to the bus, and waits for nothing
+//! else: tiles come and go through bounded queues.
+
+use std::error::Error;
+use std::io;
+use std::thread;
+
+use crossbeam_channel as channel;
+use nix::time::{ClockId, clock_gettime};
+use tokio::sync::mpsc;
+
+use super::bus_lines::BusLines;
+use super::state::{Job, Traced};
+use super::tile_memory::{self, TileMemory};
+use crate::protocol::control::NodeConfiguration;
+use crate::protocol::hello::Hello;
+use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::tracer::TileTracer;
+
+/// What the thread says.
+#[derive(Debug)]
+pub enum FromTracer {
+    /// Its memory is set up; it waits for tiles.
+    Ready,
+    Traced(Traced),
+    /// It ends after this.
+    Failed(String),
+}
+
+/// The queues of a tracer. It ends after the tile under way when they are dropped.
+#[derive(Debug)]
+pub struct Tracer {
+    /// Has room for as many tiles as a node may hold.
+    pub jobs: channel::Sender<Job>,
+    pub said: mpsc::Receiver<FromTracer>,
+}
+
+impl Tracer {
+    /// # Errors
+    /// The system has no thread left.
+    pub fn start(configuration: NodeConfiguration, hello: Hello) -> io::Result<Self> {
+        let (jobs, job_receiver) = channel::bounded(JOBS_PER_NODE);
+        let (sender, said) = mpsc::channel(JOBS_PER_NODE);
+        thread::Builder::new().name("tracer".to_owned()).spawn(move || {
+            if let Err(error) = trace_all(&configuration, &hello, &job_receiver, &sender) {
+                // An error means that the process ends anyway, here as below.
+                let _ = sender.blocking_send(FromTracer::Failed(with_causes(&*error)));
+            }
+        })?;
+        Ok(Self { jobs, said })
+    }
+}
+
+fn trace_all(
+    configuration: &NodeConfiguration,
+    hello: &Hello,
+    jobs: &channel::Receiver<Job>,
+    say: &mpsc::Sender<FromTracer>,
+) -> Result<(), Box<dyn Error>> {
+    let bus = BusLines::connect(configuration.bus, hello)?;
+    let mut memory = tile_memory::new(configuration, bus)?;
+    let mut tracer = TileTracer::new(&configuration.header, &configuration.view, configuration.octree.mailbox);
+    let _ = say.blocking_send(FromTracer::Ready);
+    for job in jobs {
+        let traced = trace(&job, &mut *memory, &mut tracer, configuration)?;
+        if say.blocking_send(FromTracer::Traced(traced)).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+fn trace(
+    job: &Job,
+    memory: &mut dyn TileMemory,
+    tracer: &mut TileTracer,
+    configuration: &NodeConfiguration,
+) -> Result<Traced, Box<dyn Error>> {
+    let start = thread_cpu_nanoseconds()?;
+    memory.bus().begin(job.tile, job.attempt);
+    let (pixels, trace) = memory.trace(tracer, job.rect, configuration.aov)?;
+    let render_cpu_nanoseconds = thread_cpu_nanoseconds()?.saturating_sub(start);
+    memory.bus().tell_pixels(job.rect.pixel_count())?;
+    let mut planes = Vec::new();
+    pixels.write_bytes(&mut planes);
+    let Job { tile, attempt, .. } = *job;
+    let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
+    Ok(Traced { done: Box::new(done), planes })
+}
+
+fn thread_cpu_nanoseconds() -> nix::Result<u64> {
+    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)?;
+    Ok(time.tv_sec() as u64 * 1_000_000_000 + time.tv_nsec() as u64)
+}
+
+fn with_causes(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text.push_str(&format!(": {error}"));
+        cause = error.source();
+    }
+    text
+}

@@ -1,0 +1,119 @@
+//! A connection for a plain thread, where a request is a round trip and latency is everything.
+
+use std::io::{ErrorKind, Write};
+use std::marker::PhantomData;
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::handshake::judge_reply;
+use super::read_buffer::{ReadBuffer, would_block};
+use super::{ConnectionError, Fault, READ_BYTES, WRITE_DEADLINE};
+use crate::codec::{self, Message};
+use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloReply, Role};
+
+/// Sends `Out`, receives `In`. One write and one read a round trip where the frames are small; nothing is
+/// allocated once the buffers have grown to the largest frame.
+#[derive(Debug)]
+pub struct BlockingConnection<Out, In> {
+    stream: TcpStream,
+    peer: Arc<str>,
+    /// For a whole frame to arrive.
+    deadline: Duration,
+    outgoing: Vec<u8>,
+    incoming: ReadBuffer,
+    messages: PhantomData<fn(Out) -> In>,
+}
+
+impl<Out: Message, In: Message> BlockingConnection<Out, In> {
+    /// Dials the process that holds `role` and introduces this one. The deadline holds for connecting and
+    /// for every reply from then on.
+    ///
+    /// # Errors
+    /// Nobody answers within the deadline, or this process is refused.
+    pub fn connect(
+        role: Role,
+        address: SocketAddr,
+        hello: &Hello,
+        deadline: Duration,
+    ) -> Result<Self, ConnectionError> {
+        let peer: Arc<str> = format!("{role} at {address}").into();
+        Self::introduce(address, hello, deadline, &peer).map_err(|fault| fault.of(&peer))
+    }
+
+    fn introduce(address: SocketAddr, hello: &Hello, deadline: Duration, peer: &Arc<str>) -> Result<Self, Fault> {
+        let stream = TcpStream::connect_timeout(&address, deadline).map_err(Fault::Io)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(deadline))?;
+        stream.set_write_timeout(Some(WRITE_DEADLINE))?;
+        let mut connection = Self {
+            stream,
+            peer: Arc::clone(peer),
+            deadline,
+            outgoing: codec::encode(hello, &[])?,
+            incoming: ReadBuffer::with_room(READ_BYTES),
+            messages: PhantomData,
+        };
+        connection.write_outgoing()?;
+        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME)?;
+        judge_reply(connection.incoming.take(bytes))?;
+        Ok(connection)
+    }
+
+    /// An error of this conversation, with the peer's name.
+    pub fn error(&self, fault: Fault) -> ConnectionError {
+        fault.of(&self.peer)
+    }
+
+    /// # Errors
+    /// The peer is gone, does not read within [`WRITE_DEADLINE`], or the message is too long.
+    pub fn send(&mut self, message: &Out, bulk: &[u8]) -> Result<(), ConnectionError> {
+        self.outgoing.clear();
+        codec::encode_into(message, &mut self.outgoing, |out| out.extend_from_slice(bulk))
+            .map_err(Fault::from)
+            .and_then(|()| self.write_outgoing())
+            .map_err(|fault| fault.of(&self.peer))
+    }
+
+    fn write_outgoing(&mut self) -> Result<(), Fault> {
+        self.stream
+            .write_all(&self.outgoing)
+            .map_err(|error| if would_block(&error) { Fault::Stuck { deadline: WRITE_DEADLINE } } else { error.into() })
+    }
+
+    /// The next message and its bulk bytes.
+    ///
+    /// # Errors
+    /// The peer is gone, is silent until the deadline, or what came is not such a message: nothing more
+    /// can be received.
+    pub fn receive(&mut self) -> Result<(In, &[u8]), ConnectionError> {
+        match self.await_frame(codec::frame_bytes_max::<In>(), In::NAME) {
+            Ok(bytes) => codec::decode(self.incoming.take(bytes)).map_err(|error| Fault::from(error).of(&self.peer)),
+            Err(fault) => Err(fault.of(&self.peer)),
+        }
+    }
+}
+
+impl<Out, In> BlockingConnection<Out, In> {
+    /// Bytes of the next frame, its length included, once it is whole.
+    fn await_frame(&mut self, bytes_max: usize, awaited: &'static str) -> Result<usize, Fault> {
+        let deadline = self.deadline;
+        // Asked for when the first read did not bring the whole frame: the clock costs.
+        let mut late = None;
+        loop {
+            if let Some(bytes) = self.incoming.whole_frame(bytes_max)? {
+                return Ok(bytes);
+            }
+            if late.is_some_and(|late| Instant::now() >= late) {
+                return Err(Fault::Silent { awaited, deadline });
+            }
+            match self.incoming.fill_from(&self.stream) {
+                Ok(_) => {}
+                Err(Fault::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+                Err(Fault::Io(error)) if would_block(&error) => return Err(Fault::Silent { awaited, deadline }),
+                Err(fault) => return Err(fault),
+            }
+            late.get_or_insert_with(|| Instant::now() + deadline);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Who speaks: the hello of the side that dialled, the judgement of the side that listens.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use futures_util::StreamExt;
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use super::{Connection, ConnectionError, Fault, write_frame};
+use crate::codec::{self, Message};
+use crate::ids::Epoch;
+use crate::protocol::hello::{Hello, HelloPrelude, HelloReply, MAGIC, PROTOCOL_VERSION, Role, RunToken};
+
+/// From accepting a connection until its hello is whole.
+pub const HELLO_DEADLINE: Duration = Duration::from_secs(2);
+
+/// Who dialled, as the hello says and the token proves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Peer {
+    pub role: Role,
+    pub epoch: Epoch,
+    pub address: SocketAddr,
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}) at {}", self.role, self.epoch, self.address)
+    }
+}
+
+/// Dials the process that holds `role` and introduces this one.
+///
+/// # Errors
+/// Nobody answers within the deadline, or this process is refused.
+pub async fn connect(
+    role: Role,
+    address: SocketAddr,
+    hello: &Hello,
+    deadline: Duration,
+) -> Result<Connection, ConnectionError> {
+    let peer: Arc<str> = format!("{role} at {address}").into();
+    match timeout(deadline, introduce(address, hello, deadline, &peer)).await {
+        Ok(introduced) => introduced.map_err(|fault| fault.of(&peer)),
+        Err(_) => Err(Fault::Silent { awaited: HelloReply::NAME, deadline }.of(&peer)),
+    }
+}
+
+async fn introduce(
+    address: SocketAddr,
+    hello: &Hello,
+    deadline: Duration,
+    peer: &Arc<str>,
+) -> Result<Connection, Fault> {
+    let stream = TcpStream::connect(address).await.map_err(Fault::Io)?;
+    let mut connection = Connection::new(stream, Arc::clone(peer))?;
+    write_frame(&mut connection.writer, &codec::encode(hello, &[])?, deadline).await?;
+    let frame = next_frame(&mut connection).await?;
+    judge_reply(&frame)?;
+    Ok(connection)
+}
+
+pub(super) fn judge_reply(frame: &[u8]) -> Result<(), Fault> {
+    match codec::decode::<HelloReply>(frame)? {
+        (HelloReply::Welcome, _) => Ok(()),
+        (HelloReply::Refused(why), _) => Err(Fault::RefusedUs(why)),
+    }
+}
+
+async fn next_frame(connection: &mut Connection) -> Result<BytesMut, Fault> {
+    connection.frames.next().await.unwrap_or(Err(Fault::Closed))
+}
+
+/// Reads the hello of a connection that was accepted, and answers it. `admits` says whether the listener
+/// has a place for that role and epoch, and if not, what it expected.
+///
+/// # Errors
+/// The peer is refused: its hello is late, too long, torn, garbage, of another version, without the run's
+/// token, or not admitted. The error names its address and what was expected.
+pub async fn accept(
+    stream: TcpStream,
+    token: &RunToken,
+    admits: impl Fn(Role, Epoch) -> Result<(), String>,
+    deadline: Duration,
+) -> Result<(Peer, Connection), ConnectionError> {
+    let address = stream.peer_addr();
+    let unknown: Arc<str> = match &address {
+        Ok(address) => address.to_string().into(),
+        Err(_) => "a peer that left at once".into(),
+    };
+    let accepted = async {
+        let address = address?;
+        let mut connection = Connection::new(stream, Arc::clone(&unknown))?;
+        let hello = match timeout(deadline, next_frame(&mut connection)).await {
+            Ok(frame) => frame.and_then(|frame| judge(&frame, token, admits)),
+            Err(_) => Err(Fault::Silent { awaited: "a hello", deadline }),
+        };
+        let reply = match &hello {
+            Ok(_) => HelloReply::Welcome,
+            Err(fault) => HelloReply::Refused(fault.to_string()),
+        };
+        let answered = write_frame(&mut connection.writer, &codec::encode(&reply, &[])?, deadline).await;
+        let hello = hello?;
+        answered?;
+        let peer = Peer { role: hello.role, epoch: hello.epoch, address };
+        connection.peer = peer.to_string().into();
+        Ok((peer, connection))
+    };
+    accepted.await.map_err(|fault: Fault| fault.of(&unknown))
+}
+
+fn judge(frame: &[u8], token: &RunToken, admits: impl Fn(Role, Epoch) -> Result<(), String>) -> Result<Hello, Fault> {
+    let prelude = codec::decode::<HelloPrelude>(frame);
+    let Ok((HelloPrelude { magic: MAGIC, version }, _)) = prelude else {
+        return Err(Fault::Refused("expected the hello of a marti process".to_owned()));
+    };
+    if version != PROTOCOL_VERSION {
+        return Err(Fault::Refused(format!("it speaks protocol version {version}, expected {PROTOCOL_VERSION}")));
+    }
+    let (hello, _) = codec::decode::<Hello>(frame)?;
+    if hello.token != *token {
+        return Err(Fault::Refused(format!("{} has not the token of this run", hello.role)));
+    }
+    admits(hello.role, hello.epoch).map_err(|expected| {
+        Fault::Refused(format!("{} ({}) has no business here, expected {expected}", hello.role, hello.epoch))
+    })?;
+    Ok(hello)
+}

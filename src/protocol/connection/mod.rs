@@ -1,0 +1,290 @@
+//! One TCP connection between two processes that know each other: frames in, frames out.
+//!
+//! [`handshake`] makes one, [`listener`] makes many, [`blocking`] is the kind for plain threads. Every
+//! write has a deadline; a read has one where the caller names it.
+
+pub mod blocking;
+pub mod handshake;
+pub mod listener;
+pub mod read_buffer;
+
+use std::io;
+use std::marker::PhantomData;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::{Buf, BytesMut};
+use futures_util::StreamExt;
+use tokio::io::AsyncWriteExt;
+use tokio::net::TcpStream;
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::time::timeout;
+use tokio_util::codec::{Decoder, FramedRead};
+
+pub use blocking::BlockingConnection;
+pub use handshake::{Peer, accept, connect};
+pub use listener::{Arrival, Listener};
+
+use super::hello::HELLO_BYTES_MAX;
+use crate::codec::{self, CodecError, Message};
+
+/// A frame that cannot be written within this time means a peer that no longer reads.
+pub const WRITE_DEADLINE: Duration = Duration::from_secs(10);
+
+/// Buffers grow by what has arrived, in steps of this, never by what a length claims.
+const READ_BYTES: usize = 64 << 10;
+
+/// What went wrong on a connection, and with whom.
+#[derive(Debug, thiserror::Error)]
+#[error("{peer}: {fault}")]
+pub struct ConnectionError {
+    /// Role and address as far as they are known.
+    pub peer: Arc<str>,
+    pub fault: Fault,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    #[error("{0}")]
+    Io(io::Error),
+    #[error("the connection was closed in the middle of a frame")]
+    Torn,
+    #[error("the connection was closed")]
+    Closed,
+    #[error("{0}")]
+    Frame(#[from] CodecError),
+    #[error("silent for {} ms while {awaited} was expected", deadline.as_millis())]
+    Silent { awaited: &'static str, deadline: Duration },
+    #[error("did not read for {} ms", deadline.as_millis())]
+    Stuck { deadline: Duration },
+    /// A message that has no place at this point of the conversation.
+    #[error("{0}")]
+    Unexpected(String),
+    /// The other side's words.
+    #[error("it refused this process: {0}")]
+    RefusedUs(String),
+    /// Our words about the other side.
+    #[error("refused: {0}")]
+    Refused(String),
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::UnexpectedEof => Self::Torn,
+            io::ErrorKind::ConnectionReset | io::ErrorKind::BrokenPipe => Self::Closed,
+            _ => Self::Io(error),
+        }
+    }
+}
+
+impl Fault {
+    fn of(self, peer: &Arc<str>) -> ConnectionError {
+        ConnectionError { peer: Arc::clone(peer), fault: self }
+    }
+}
+
+/// Cuts what arrives into frames. Reserves room for what has arrived, not for what is claimed.
+#[derive(Debug)]
+struct FrameDecoder {
+    bytes_max: usize,
+}
+
+impl Decoder for FrameDecoder {
+    type Item = BytesMut;
+    type Error = Fault;
+
+    fn decode(&mut self, received: &mut BytesMut) -> Result<Option<BytesMut>, Fault> {
+        let Some(bytes) = codec::frame_bytes(received, self.bytes_max)? else {
+            return Ok(None);
+        };
+        let missing = (codec::PREFIX_BYTES + bytes).saturating_sub(received.len());
+        if missing > 0 {
+            received.reserve(missing.min(READ_BYTES));
+            return Ok(None);
+        }
+        received.advance(codec::PREFIX_BYTES);
+        Ok(Some(received.split_to(bytes)))
+    }
+
+    fn decode_eof(&mut self, received: &mut BytesMut) -> Result<Option<BytesMut>, Fault> {
+        match self.decode(received)? {
+            None if !received.is_empty() => Err(Fault::Torn),
+            frame => Ok(frame),
+        }
+    }
+}
+
+/// A connection whose handshake is done, or about to be.
+#[derive(Debug)]
+pub struct Connection {
+    frames: FramedRead<OwnedReadHalf, FrameDecoder>,
+    writer: OwnedWriteHalf,
+    peer: Arc<str>,
+    local: SocketAddr,
+}
+
+impl Connection {
+    /// No frame may be longer than a hello until [`Self::split`] says what is expected.
+    fn new(stream: TcpStream, peer: Arc<str>) -> io::Result<Self> {
+        stream.set_nodelay(true)?;
+        let local = stream.local_addr()?;
+        let (reader, writer) = stream.into_split();
+        Ok(Self { frames: FramedRead::new(reader, FrameDecoder { bytes_max: HELLO_BYTES_MAX }), writer, peer, local })
+    }
+
+    /// Role and address of the other side, for errors.
+    pub fn peer(&self) -> &Arc<str> {
+        &self.peer
+    }
+
+    /// The address of this side: one at which the other side reaches this host.
+    pub fn local_address(&self) -> SocketAddr {
+        self.local
+    }
+
+    /// The two directions of a conversation, whose frames may be as long as its messages allow.
+    pub fn split<Out: Message, In: Message>(mut self) -> (Sender<Out>, Receiver<In>) {
+        self.frames.decoder_mut().bytes_max = codec::frame_bytes_max::<In>();
+        let sender = Sender {
+            writer: self.writer,
+            buffer: Vec::new(),
+            peer: Arc::clone(&self.peer),
+            wire_bytes: 0,
+            message: PhantomData,
+        };
+        (sender, Receiver { frames: self.frames, peer: self.peer, wire_bytes: 0, message: PhantomData })
+    }
+
+    /// The bare socket, non-blocking, for a loop that does its own reading.
+    ///
+    /// # Errors
+    /// The peer has sent more than its hello already, which no conversation allows.
+    pub fn into_std(self) -> Result<std::net::TcpStream, ConnectionError> {
+        if !self.frames.read_buffer().is_empty() {
+            return Err(Fault::Refused("it spoke before it was welcome".to_owned()).of(&self.peer));
+        }
+        let stream = self.frames.into_inner().reunite(self.writer).map_err(|error| io::Error::other(error.to_string()));
+        stream.and_then(TcpStream::into_std).map_err(|error| Fault::from(error).of(&self.peer))
+    }
+}
+
+/// The direction in which messages of one kind go out.
+#[derive(Debug)]
+pub struct Sender<M> {
+    writer: OwnedWriteHalf,
+    buffer: Vec<u8>,
+    peer: Arc<str>,
+    wire_bytes: u64,
+    message: PhantomData<fn(M)>,
+}
+
+impl<M: Message> Sender<M> {
+    /// # Errors
+    /// The peer is gone, does not read within [`WRITE_DEADLINE`], or the message is too long.
+    pub async fn send(&mut self, message: &M) -> Result<(), ConnectionError> {
+        self.send_with_bulk(message, &[]).await
+    }
+
+    /// # Errors
+    /// As [`Self::send`].
+    pub async fn send_with_bulk(&mut self, message: &M, bulk: &[u8]) -> Result<(), ConnectionError> {
+        self.buffer.clear();
+        codec::encode_into(message, &mut self.buffer, |out| out.extend_from_slice(bulk))
+            .map_err(|error| Fault::from(error).of(&self.peer))?;
+        write_frame(&mut self.writer, &self.buffer, WRITE_DEADLINE).await.map_err(|fault| fault.of(&self.peer))?;
+        self.wire_bytes += self.buffer.len() as u64;
+        Ok(())
+    }
+
+    /// Bytes sent since the handshake.
+    pub fn wire_bytes(&self) -> u64 {
+        self.wire_bytes
+    }
+
+    /// Tells the peer that nothing more comes; it can still be listened to.
+    pub async fn finish(mut self) {
+        // An error means that the peer is gone, which is the aim.
+        let _ = timeout(WRITE_DEADLINE, self.writer.shutdown()).await;
+    }
+}
+
+async fn write_frame(writer: &mut OwnedWriteHalf, frame: &[u8], deadline: Duration) -> Result<(), Fault> {
+    match timeout(deadline, writer.write_all(frame)).await {
+        Ok(written) => Ok(written?),
+        Err(_) => Err(Fault::Stuck { deadline }),
+    }
+}
+
+/// The direction from which messages of one kind come in.
+#[derive(Debug)]
+pub struct Receiver<M> {
+    frames: FramedRead<OwnedReadHalf, FrameDecoder>,
+    peer: Arc<str>,
+    wire_bytes: u64,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M: Message> Receiver<M> {
+    /// Allows fewer bulk bytes than the conversation would, once more is known of it.
+    #[must_use]
+    pub fn with_bulk_bytes_max(mut self, bytes: usize) -> Self {
+        self.frames.decoder_mut().bytes_max = M::BYTES_MAX + bytes.min(M::BULK_BYTES_MAX);
+        self
+    }
+
+    pub fn peer(&self) -> &Arc<str> {
+        &self.peer
+    }
+
+    /// Bytes received since the handshake, in whole frames.
+    pub fn wire_bytes(&self) -> u64 {
+        self.wire_bytes
+    }
+
+    /// The next message, which has no bulk bytes; `None` when the peer closed between two frames. May be
+    /// cancelled without losing a frame.
+    ///
+    /// # Errors
+    /// The connection is torn, or what came is not such a message: nothing more can be received.
+    pub async fn receive(&mut self) -> Result<Option<M>, ConnectionError> {
+        match self.receive_with_bulk().await? {
+            Some((_, bulk)) if !bulk.is_empty() => {
+                Err(Fault::from(CodecError::UnexpectedBulk { name: M::NAME, bytes: bulk.len(), bytes_max: 0 })
+                    .of(&self.peer))
+            }
+            received => Ok(received.map(|(message, _)| message)),
+        }
+    }
+
+    /// As [`Self::receive`], with the bulk bytes that follow the message.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub async fn receive_with_bulk(&mut self) -> Result<Option<(M, BytesMut)>, ConnectionError> {
+        let Some(frame) = self.frames.next().await else {
+            return Ok(None);
+        };
+        let mut frame = frame.map_err(|fault| fault.of(&self.peer))?;
+        self.wire_bytes += (codec::PREFIX_BYTES + frame.len()) as u64;
+        let (message, bulk) = codec::decode::<M>(&frame).map_err(|error| Fault::from(error).of(&self.peer))?;
+        let message_bytes = frame.len() - bulk.len();
+        frame.advance(message_bytes);
+        Ok(Some((message, frame)))
+    }
+
+    /// As [`Self::receive`], but silence until the deadline is an error.
+    ///
+    /// # Errors
+    /// As [`Self::receive`], or the deadline passed; the connection is as it was then.
+    pub async fn receive_within(&mut self, deadline: Duration) -> Result<Option<M>, ConnectionError> {
+        match timeout(deadline, self.receive()).await {
+            Ok(received) => received,
+            Err(_) => Err(Fault::Silent { awaited: M::NAME, deadline }.of(&self.peer)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

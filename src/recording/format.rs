@@ -1,0 +1,224 @@
+//! The columns of a recording, and what its schema says of it. docs/recording.md explains each.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use arrow_array::types::Int8Type;
+use arrow_array::{ArrayRef, DictionaryArray, Int8Array, RecordBatch, StringArray};
+use arrow_array::{UInt16Array, UInt32Array, UInt64Array};
+use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
+
+use crate::database::{Layout, Section};
+use crate::ids::{ClusterId, Epoch};
+use crate::machine::transaction::{Kind, Transaction};
+use crate::topology::Arbiter;
+
+/// Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// What holds for a recording as a whole. Kept as strings in the schema, under keys that begin with `marti.`.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Metadata {
+    pub cluster: ClusterId,
+    /// Of the bus.
+    pub epoch: Epoch,
+    pub arbiter: Arbiter,
+    pub layout: Layout,
+}
+
+impl Metadata {
+    fn entries(&self) -> HashMap<String, String> {
+        let arbiter = match self.arbiter {
+            Arbiter::Fifo => "fifo".to_owned(),
+            Arbiter::RoundRobin { quantum } => format!("round_robin {quantum}"),
+            Arbiter::FixedPriority => "fixed_priority".to_owned(),
+        };
+        let records =
+            Section::ALL.map(|section| format!(r#""{}": {}"#, section.name(), self.layout.span(section).records));
+        let entries = [
+            ("marti.format_version", FORMAT_VERSION.to_string()),
+            ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("marti.cluster", self.cluster.0.to_string()),
+            ("marti.epoch", self.epoch.0.to_string()),
+            ("marti.arbiter", arbiter),
+            ("marti.image_bytes", self.layout.image_bytes().to_string()),
+            ("marti.records", format!("{{{}}}", records.join(", "))),
+        ];
+        entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+}
+
+/// Turns rows into record batches of one schema.
+pub(super) struct Format {
+    schema: SchemaRef,
+    /// The names of kinds and of sections, each at its code. Shared by all batches, so that they are written once.
+    kinds: ArrayRef,
+    sections: ArrayRef,
+}
+
+impl Format {
+    pub(super) fn new(metadata: &Metadata) -> Self {
+        let name = || DataType::Dictionary(Box::new(DataType::Int8), Box::new(DataType::Utf8));
+        let always = |column: &str, data_type| Field::new(column, data_type, false);
+        let sometimes = |column: &str, data_type| Field::new(column, data_type, true);
+        let fields = vec![
+            always("sequence", DataType::UInt64),
+            always("epoch", DataType::UInt32),
+            always("cluster", DataType::UInt16),
+            always("kind", name()),
+            sometimes("node", DataType::UInt16),
+            sometimes("tile", DataType::UInt32),
+            sometimes("attempt", DataType::UInt32),
+            sometimes("section", name()),
+            sometimes("address", DataType::UInt64),
+            always("bytes", DataType::UInt32),
+            sometimes("lines", DataType::UInt32),
+            sometimes("crc32c", DataType::UInt32),
+            sometimes("accesses_before", DataType::UInt64),
+            always("request_ns", DataType::UInt64),
+            always("grant_ns", DataType::UInt64),
+            always("completion_ns", DataType::UInt64),
+        ];
+        Self {
+            schema: Arc::new(Schema::new_with_metadata(fields, metadata.entries())),
+            kinds: Arc::new(StringArray::from_iter_values(Kind::ALL.map(Kind::name))),
+            sections: Arc::new(StringArray::from_iter_values(Section::ALL.map(Section::name))),
+        }
+    }
+
+    pub(super) fn schema(&self) -> &SchemaRef {
+        &self.schema
+    }
+
+    /// # Errors
+    /// Never for rows of this program; arrow checks that columns and schema agree.
+    pub(super) fn batch(&self, rows: &[Transaction]) -> Result<RecordBatch, ArrowError> {
+        let u64s = |value: fn(&Transaction) -> u64| -> ArrayRef {
+            Arc::new(UInt64Array::from_iter_values(rows.iter().map(value)))
+        };
+        let optional_u64s = |value: fn(&Transaction) -> Option<u64>| -> ArrayRef {
+            Arc::new(rows.iter().map(value).collect::<UInt64Array>())
+        };
+        let u32s = |value: fn(&Transaction) -> u32| -> ArrayRef {
+            Arc::new(UInt32Array::from_iter_values(rows.iter().map(value)))
+        };
+        let optional_u32s = |value: fn(&Transaction) -> Option<u32>| -> ArrayRef {
+            Arc::new(rows.iter().map(value).collect::<UInt32Array>())
+        };
+        let names = |code: fn(&Transaction) -> Option<i8>, names: &ArrayRef| -> Result<ArrayRef, ArrowError> {
+            let codes: Int8Array = rows.iter().map(code).collect();
+            Ok(Arc::new(DictionaryArray::<Int8Type>::try_new(codes, Arc::clone(names))?))
+        };
+        let columns = vec![
+            u64s(|row| row.sequence),
+            u32s(|row| row.epoch.0),
+            Arc::new(UInt16Array::from_iter_values(rows.iter().map(|row| row.cluster.0))),
+            names(|row| Some(row.kind as i8), &self.kinds)?,
+            Arc::new(rows.iter().map(|row| row.node.map(|node| node.0)).collect::<UInt16Array>()),
+            optional_u32s(|row| row.tile.map(|tile| tile.0)),
+            optional_u32s(|row| row.attempt.map(|attempt| attempt.0)),
+            names(|row| row.section.map(|section| section as i8), &self.sections)?,
+            optional_u64s(|row| row.address.map(|address| address.0)),
+            u32s(|row| row.bytes),
+            optional_u32s(|row| row.lines),
+            optional_u32s(|row| row.crc32c),
+            optional_u64s(|row| row.accesses_before),
+            u64s(|row| row.request_nanoseconds),
+            u64s(|row| row.grant_nanoseconds),
+            u64s(|row| row.completion_nanoseconds),
+        ];
+        RecordBatch::try_new(Arc::clone(&self.schema), columns)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use arrow_array::cast::AsArray;
+    use arrow_array::types::{UInt16Type, UInt32Type, UInt64Type};
+
+    use super::*;
+    use crate::ids::{Address, Attempt, NodeId, TileId};
+
+    pub(in super::super) fn metadata() -> Metadata {
+        let layout = Layout::new([8, 10, 3, 0, 0, 3, 0, 1]).expect("small");
+        Metadata { cluster: ClusterId(2), epoch: Epoch(1), arbiter: Arbiter::RoundRobin { quantum: 4 }, layout }
+    }
+
+    /// A fetch, a job and a write in turn; every value tells its row.
+    pub(in super::super) fn row(sequence: u64) -> Transaction {
+        let fetch = sequence.is_multiple_of(3);
+        let write = sequence % 3 == 2;
+        let small = sequence as u32;
+        Transaction {
+            sequence,
+            epoch: Epoch(1),
+            cluster: ClusterId(2),
+            kind: [Kind::Fetch, Kind::Job, Kind::Write][small as usize % 3],
+            node: (!write).then_some(NodeId(small as u16 % 9)),
+            tile: (!write).then_some(TileId(small / 10)),
+            attempt: (!write).then_some(Attempt(0)),
+            section: fetch.then(|| Section::ALL[small as usize % Section::COUNT]),
+            address: (fetch || write).then_some(Address(sequence * 64)),
+            bytes: 64 + small,
+            lines: fetch.then_some(small | 1),
+            crc32c: (fetch || write).then_some(!small),
+            accesses_before: fetch.then_some(sequence * 1000),
+            request_nanoseconds: sequence * 100,
+            grant_nanoseconds: sequence * 100 + 10,
+            completion_nanoseconds: sequence * 100 + 20,
+        }
+    }
+
+    /// Reads the rows of a batch back by the names of the columns.
+    pub(in super::super) fn rows(batch: &RecordBatch) -> Vec<Transaction> {
+        let column = |name: &str| batch.column_by_name(name).expect("a column of the format");
+        let name_at = |name: &str, i: usize| {
+            let dictionary = column(name).as_dictionary::<Int8Type>();
+            dictionary.key(i).map(|key| dictionary.values().as_string::<i32>().value(key).to_owned())
+        };
+        let u64_at = |name, i| column(name).as_primitive::<UInt64Type>().iter().nth(i).flatten();
+        let u32_at = |name, i| column(name).as_primitive::<UInt32Type>().iter().nth(i).flatten();
+        let u16_at = |name, i| column(name).as_primitive::<UInt16Type>().iter().nth(i).flatten();
+        let read = |i: usize| -> Option<Transaction> {
+            let section = name_at("section", i);
+            Some(Transaction {
+                sequence: u64_at("sequence", i)?,
+                epoch: Epoch(u32_at("epoch", i)?),
+                cluster: ClusterId(u16_at("cluster", i)?),
+                kind: Kind::ALL.into_iter().find(|kind| Some(kind.name()) == name_at("kind", i).as_deref())?,
+                node: u16_at("node", i).map(NodeId),
+                tile: u32_at("tile", i).map(TileId),
+                attempt: u32_at("attempt", i).map(Attempt),
+                section: Section::ALL.into_iter().find(|known| Some(known.name()) == section.as_deref()),
+                address: u64_at("address", i).map(Address),
+                bytes: u32_at("bytes", i)?,
+                lines: u32_at("lines", i),
+                crc32c: u32_at("crc32c", i),
+                accesses_before: u64_at("accesses_before", i),
+                request_nanoseconds: u64_at("request_ns", i)?,
+                grant_nanoseconds: u64_at("grant_ns", i)?,
+                completion_nanoseconds: u64_at("completion_ns", i)?,
+            })
+        };
+        (0..batch.num_rows()).map(|i| read(i).expect("no null where none may be")).collect()
+    }
+
+    #[test]
+    fn rows_survive_the_columns() {
+        let written: Vec<_> = (0..30).map(row).collect();
+        let batch = Format::new(&metadata()).batch(&written).expect("columns and schema agree");
+        assert_eq!(rows(&batch), written);
+    }
+
+    #[test]
+    fn the_schema_says_what_the_recording_is_of() {
+        let format = Format::new(&metadata());
+        let entry = |key: &str| format.schema().metadata()[key].as_str();
+        assert_eq!(entry("marti.format_version"), "1");
+        assert_eq!(entry("marti.arbiter"), "round_robin 4");
+        assert_eq!(entry("marti.image_bytes"), "1280");
+        let records: HashMap<String, u64> = serde_json::from_str(entry("marti.records")).expect("JSON");
+        assert_eq!(records.len(), Section::COUNT);
+        assert_eq!((records["octree_nodes"], records["leaf_lists"], records["spheres"]), (8, 10, 0));
+    }
+}

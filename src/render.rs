@@ -1,0 +1,83 @@
+//! `marti render`: the whole database in one process, no sockets. The reference for the bits of every other
+//! way to render, and the fastest on one machine.
+
+use std::convert::Infallible;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use nix::time::{ClockId, clock_gettime};
+
+use crate::database::verify::Verified;
+use crate::ids::TileId;
+use crate::image_file::{FrameBuffer, FrameBufferError};
+use crate::tracer::slices::Slices;
+use crate::tracer::{AovSet, TileTracer, Tiling, TraceStats, View};
+
+/// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
+const TILE: u32 = 32;
+
+/// How to render, besides what decides the image.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// At least 1.
+    pub threads: usize,
+    pub aov: AovSet,
+    pub mailbox: bool,
+}
+
+/// An image, and what it cost.
+#[derive(Debug)]
+pub struct Rendering {
+    pub frame: FrameBuffer,
+    pub stats: TraceStats,
+    /// Wall clock, from the first tile to the last.
+    pub wall: Duration,
+    /// Processor time of the tracing threads, summed.
+    pub cpu: Duration,
+}
+
+/// Renders `view` of a database.
+///
+/// # Errors
+/// There is no memory for the image.
+pub fn render(
+    database: &Verified,
+    view: &View,
+    settings: Settings,
+) -> Result<Rendering, FrameBufferError> {
+    let image = &view.image;
+    let tiling = Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE };
+    let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
+    let next = AtomicU32::new(0);
+    let start = Instant::now();
+    let worker = || {
+        let cpu_at_start = thread_cpu();
+        let mut port = Slices::new(database);
+        let mut tracer = TileTracer::new(&database.database().header, view, settings.mailbox);
+        let mut stats = TraceStats::default();
+        while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
+            let Ok::<_, Infallible>((pixels, counts)) = tracer.trace(&mut port, rect, settings.aov);
+            stats.add(&counts);
+            let mut whole = frame.lock().expect("no thread panics while it holds the frame");
+            whole.blit(rect, &pixels).expect("a tile of this very image");
+        }
+        (stats, thread_cpu().saturating_sub(cpu_at_start))
+    };
+    let (mut stats, mut cpu) = (TraceStats::default(), Duration::ZERO);
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..settings.threads).map(|_| scope.spawn(worker)).collect();
+        for worker in workers {
+            let (counts, time) = worker.join().expect("a tracing thread does not panic");
+            stats.add(&counts);
+            cpu += time;
+        }
+    });
+    let wall = start.elapsed();
+    Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
+}
+
+/// Processor time of the calling thread; zero where the host does not tell.
+pub fn thread_cpu() -> Duration {
+    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map(Duration::from).unwrap_or_default()
+}

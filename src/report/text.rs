@@ -1,0 +1,227 @@
+//! The summary that a person reads at the end of a run.
+
+use std::fmt::{self, Display, Write};
+
+use super::{Report, Status};
+
+/// Several lines, each with a name in front.
+pub fn summary(report: &Report) -> String {
+    let mut text = String::new();
+    // Writing into a string does not fail.
+    let _ = write_summary(&mut text, report);
+    text
+}
+
+fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
+    let Report { scene, image, rays, octree, seconds, .. } = report;
+    line(
+        out,
+        "scene",
+        format_args!(
+            "{}, {} primitives, database {}",
+            scene.source,
+            Grouped(scene.primitives),
+            Bytes(scene.database_bytes)
+        ),
+    )?;
+    line(
+        out,
+        "octree",
+        format_args!(
+            "{} nodes, {} leaves, {} references, depth {}",
+            Grouped(octree.nodes),
+            Grouped(octree.leaves),
+            Grouped(octree.references),
+            octree.depth
+        ),
+    )?;
+    line(
+        out,
+        "rays",
+        format_args!(
+            "{}: {} primary, {} shadow, {} reflection, {} refraction; {}/s",
+            Grouped(rays.total()),
+            Grouped(rays.primary),
+            Grouped(rays.shadow),
+            Grouped(rays.reflection),
+            Grouped(rays.refraction),
+            Grouped(report.rays_per_second() as u64)
+        ),
+    )?;
+    line(
+        out,
+        "tests",
+        format_args!(
+            "{} of primitives, {} saved by the mailbox",
+            Grouped(report.tests.primitive),
+            Grouped(report.tests.mailbox_skips)
+        ),
+    )?;
+    write_cluster(out, report)?;
+    line(
+        out,
+        "seconds",
+        format_args!(
+            "load {:.3}, octree {:.3}, render {:.3} ({:.3} of processor time), total {:.3}",
+            seconds.load, seconds.octree, seconds.render, seconds.render_cpu, seconds.total
+        ),
+    )?;
+    for incident in &report.incidents {
+        line(out, "incident", format_args!("at {:.1} s: {}", incident.seconds, incident.text))?;
+    }
+    match report.status {
+        Status::Done => {}
+        Status::TilesMissing => line(out, "status", format_args!("finished with tiles missing"))?,
+        Status::Interrupted => line(out, "status", format_args!("interrupted, the image is partial"))?,
+        Status::Failed => {
+            line(out, "status", format_args!("failed: {}", report.error.as_deref().unwrap_or("unknown")))?
+        }
+    }
+    line(
+        out,
+        "image",
+        format_args!("{}x{}, sha256 {}", image.width, image.height, image.sha256.as_deref().unwrap_or("unknown")),
+    )?;
+    image.files.iter().try_for_each(|file| line(out, "", format_args!("{}", file.display())))
+}
+
+/// What only a run with processes has.
+fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
+    if let Some(tiles) = &report.tiles {
+        line(
+            out,
+            "tiles",
+            format_args!(
+                "{} of {} by {} nodes, {} issued again, {} stale",
+                Grouped(tiles.done),
+                Grouped(tiles.total),
+                report.nodes.len(),
+                Grouped(tiles.reissued),
+                Grouped(tiles.stale)
+            ),
+        )?;
+    }
+    if let Some(memory) = &report.memory {
+        line(
+            out,
+            "memory",
+            format_args!(
+                "{} a node in lines of {} bytes: {:.3}% of {} record accesses hit, {:.3}% of {} line accesses",
+                Bytes(memory.local_bytes),
+                memory.line_bytes,
+                100.0 * memory.hit_rate(),
+                Grouped(memory.record_accesses),
+                100.0 * (1.0 - super::ratio(memory.line_misses as f64, memory.line_accesses as f64)),
+                Grouped(memory.line_accesses)
+            ),
+        )?;
+        line(
+            out,
+            "ratios",
+            format_args!(
+                "{:.6} misses a record access, {:.6} words moved a word read",
+                memory.misses_per_record_access, memory.words_moved_per_word_read
+            ),
+        )?;
+    }
+    if let Some(bus) = &report.bus {
+        line(
+            out,
+            "bus",
+            format_args!(
+                "{} fetches, {} of data, {} of messages, {} on the wire, {} rows logged",
+                Grouped(bus.fetches),
+                Bytes(bus.bytes),
+                Bytes(bus.message_bytes),
+                Bytes(bus.wire_bytes),
+                Grouped(bus.log_rows)
+            ),
+        )?;
+    }
+    if let Some(conservation) = &report.conservation {
+        let failed: Vec<_> = conservation.checks.iter().filter(|check| !check.holds).collect();
+        if failed.is_empty() {
+            line(out, "conservation", format_args!("all {} checks hold", conservation.checks.len()))?;
+        }
+        for check in failed {
+            line(out, "conservation", format_args!("BROKEN: {}: {} against {}", check.name, check.left, check.right))?;
+        }
+    }
+    Ok(())
+}
+
+fn line(out: &mut String, name: &str, what: fmt::Arguments) -> fmt::Result {
+    writeln!(out, "{name:<13}{what}")
+}
+
+/// A count with its digits in groups of three.
+struct Grouped(u64);
+
+impl Display for Grouped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let digits = self.0.to_string();
+        for (i, digit) in digits.chars().enumerate() {
+            if i > 0 && (digits.len() - i).is_multiple_of(3) {
+                f.write_char(',')?;
+            }
+            f.write_char(digit)?;
+        }
+        Ok(())
+    }
+}
+
+/// Bytes in the binary unit that leaves one to four digits.
+struct Bytes(u64);
+
+impl Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut amount = self.0 as f64;
+        for unit in ["bytes", "KiB", "MiB", "GiB"] {
+            if amount < 1024.0 {
+                let decimals = usize::from(unit != "bytes");
+                return write!(f, "{amount:.decimals$} {unit}");
+            }
+            amount /= 1024.0;
+        }
+        write!(f, "{amount:.1} TiB")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::conservation::{Check, Conservation};
+    use crate::report::sample;
+
+    #[test]
+    fn the_summary_says_what_a_reader_looks_for() {
+        let text = summary(&sample::report());
+        for part in [
+            "1,169 primitives, database 64.0 KiB",
+            "5,600: 3,072 primary, 2,000 shadow, 500 reflection, 28 refraction; 2,800/s",
+            "4 of 5 by 2 nodes, 1 issued again",
+            "8.0 KiB a node in lines of 32 bytes: 89.796% of 980 record accesses hit",
+            "0.102041 misses a record access, 0.517647 words moved a word read",
+            "103 fetches, 3.5 KiB of data",
+            "all 1 checks hold",
+            "at 1.2 s: node 1 died: signal 9",
+            "failed: the display died",
+            "out/image.png",
+        ] {
+            assert!(text.contains(part), "no {part:?} in\n{text}");
+        }
+    }
+
+    #[test]
+    fn a_broken_check_is_shouted() {
+        let mut report = sample::report();
+        report.conservation = Some(Conservation::new(vec![Check::new("in = out", 3, 4), Check::new("x", 1, 1)]));
+        assert!(summary(&report).contains("BROKEN: in = out: 3 against 4"));
+    }
+
+    #[test]
+    fn digits_are_grouped_from_the_right() {
+        let grouped = [0, 999, 1000, 12_345, 1_234_567].map(|n| Grouped(n).to_string());
+        assert_eq!(grouped, ["0", "999", "1,000", "12,345", "1,234,567"]);
+    }
+}

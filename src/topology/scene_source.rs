@@ -1,0 +1,104 @@
+//! A [`SceneSource`] as text: a path, or a procedural scene such as `teapot:12`.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::SceneSource;
+use super::value::ProceduralSize;
+use crate::scene::procedural::{Kind, Procedural, SizeError};
+use crate::scene::{self, Scene, SourceError};
+
+impl SceneSource {
+    /// A procedural scene; without a size, its kind's default.
+    ///
+    /// # Errors
+    /// The kind is not made in this size.
+    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, SizeError> {
+        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural)
+    }
+
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn load(&self) -> Result<Scene, SourceError> {
+        match self {
+            Self::File(path) => scene::load(path),
+            Self::Procedural(procedural) => Ok(procedural.scene()),
+        }
+    }
+
+    /// The scene's name without folder, extension and size: what its image is called.
+    pub fn name(&self) -> String {
+        match self {
+            Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            Self::Procedural(procedural) => procedural.kind.to_string(),
+        }
+    }
+}
+
+/// A procedural scene's name, or its name and size, or else a path with an extension.
+impl FromStr for SceneSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
+        if let Ok(kind) = before.parse() {
+            let size = size.map(str::parse).transpose().map_err(|expected| format!("size of {before}: {expected}"))?;
+            Self::procedural(kind, size).map_err(|error| error.to_string())
+        } else if Path::new(text).extension().is_some() {
+            Ok(Self::File(PathBuf::from(text)))
+        } else {
+            Err("expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2"
+                .to_owned())
+        }
+    }
+}
+
+impl fmt::Display for SceneSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(path) => path.display().fmt(f),
+            Self::Procedural(Procedural { kind, size }) => write!(f, "{kind}:{size}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_read_as_they_are_written() {
+        for (text, kind, size) in [
+            ("gears:2", Kind::Gears, 2),
+            ("teapot", Kind::Teapot, 12),
+            ("balls", Kind::Balls, 4),
+            ("tetra:7", Kind::Tetra, 7),
+        ] {
+            let source: SceneSource = text.parse().expect(text);
+            assert_eq!(source, SceneSource::Procedural(Procedural { kind, size }), "{text}");
+            assert_eq!(source.to_string().parse(), Ok(source));
+        }
+        let file: SceneSource = "scenes/gears.2.nff".parse().expect("a path");
+        assert_eq!((file.name().as_str(), file.to_string().as_str()), ("gears.2", "scenes/gears.2.nff"));
+    }
+
+    #[test]
+    fn what_is_neither_is_refused() {
+        for (text, reason) in [
+            (
+                "",
+                "expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2",
+            ),
+            (
+                "torus:3",
+                "expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2",
+            ),
+            ("gears:", "size of gears: expected an integer from 1 to 1000"),
+            ("gears:0", "size of gears: expected an integer from 1 to 1000"),
+            ("balls:8", "balls of size 8 are not made, expected a size from 1 to 7"),
+        ] {
+            assert_eq!(text.parse::<SceneSource>(), Err(reason.to_owned()));
+        }
+    }
+}

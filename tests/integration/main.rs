@@ -1,0 +1,9 @@
+//! The real binaries, from the outside.
+
+mod bad_input;
+mod command;
+mod frames;
+mod processes;
+mod recording;
+mod reference;
+mod same_image;

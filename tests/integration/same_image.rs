@@ -1,0 +1,104 @@
+//! The image is bit-identical whatever renders it, and the books balance.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::command::{TEAPOT, number, read_report, report_of, run, stderr};
+
+fn sha256(report: &Value) -> String {
+    report["image"]["sha256"].as_str().expect("a report has the image's hash").to_owned()
+}
+
+fn render(out: &Path, extra: &[&str]) -> Value {
+    let (png, report) = (out.join("render.png"), out.join("render.json"));
+    let (png, report_file) = (png.to_string_lossy(), report.to_string_lossy());
+    let mut arguments = vec!["render", "teapot:6", "-o", &png, "--size", "64x64", "--report", &report_file];
+    arguments.extend(extra);
+    let output = run(&arguments);
+    assert!(output.status.success(), "{extra:?}: {}", stderr(&output));
+    read_report(&report)
+}
+
+/// Runs with these overrides and expects the image of `marti render`.
+fn expect_same(expected: &str, sets: &[&str]) -> Value {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let report = report_of(TEAPOT, out.path(), sets);
+    assert_eq!(sha256(&report), expected, "{sets:?}");
+    assert_eq!(report["conservation"]["holds"], true, "{sets:?}: {}", report["conservation"]);
+    assert_eq!(number(&report, "tiles.done"), number(&report, "tiles.total"), "{sets:?}");
+    let logged = number(&report, "bus.log_rows");
+    assert_eq!(logged, number(&report, "bus.transactions"), "{sets:?}");
+    report
+}
+
+#[test]
+fn one_process_gives_the_same_image_for_any_threads_octree_and_mailbox() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    let ways: [&[&str]; 6] = [
+        &["--threads", "2"],
+        &["--mailbox", "off"],
+        &["--leaf-size", "1", "--max-depth", "6"],
+        &["--leaf-size", "4", "--max-depth", "14"],
+        &["--leaf-size", "1000", "--max-depth", "0"],
+        &["--aov", "depth,normal,primitive", "--repeat", "2"],
+    ];
+    for way in ways {
+        assert_eq!(sha256(&render(out.path(), way)), expected, "{way:?}");
+    }
+}
+
+#[test]
+fn any_number_of_nodes_and_any_memory_give_the_same_image() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    expect_same(&expected, &["cluster.nodes=1", "cluster.local_memory.size=all"]);
+    for nodes in [2, 4, 9] {
+        for size in ["1/8", "1/32", "4 KiB"] {
+            let (nodes, size) = (format!("cluster.nodes={nodes}"), format!("cluster.local_memory.size={size}"));
+            let report = expect_same(&expected, &[&nodes, &size]);
+            assert!(number(&report, "memory.misses") > 0, "{nodes} {size}");
+            assert_eq!(number(&report, "bus.fetches"), number(&report, "memory.misses"), "{nodes} {size}");
+        }
+    }
+}
+
+#[test]
+fn tiles_mailbox_replacement_arbiter_and_order_give_the_same_image() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    let ways: [&[&str]; 13] = [
+        &["image.tile=5"],
+        &["image.tile=16"],
+        &["image.tile=[64, 1]"],
+        &["octree.mailbox=false"],
+        &["octree.leaf_size=3", "octree.max_depth=7"],
+        &["cluster.local_memory.replacement=fifo", "cluster.local_memory.line=16"],
+        &["cluster.local_memory.replacement=clock", "cluster.local_memory.line=256"],
+        &["cluster.local_memory.replacement=random", "cluster.local_memory.ways=4"],
+        &["cluster.local_memory.replacement=lru", "cluster.local_memory.ways=1"],
+        &["cluster.bus.arbiter=round_robin", "cluster.bus.quantum=2"],
+        &["cluster.bus.arbiter=fixed_priority"],
+        &["run.order=random", "run.seed=7", "run.assignment=interleaved"],
+        &["run.order=morton"],
+    ];
+    for way in ways {
+        expect_same(&expected, way);
+    }
+}
+
+/// Under interleaved assignment every count of memory is reproducible.
+#[test]
+fn interleaved_counts_are_reproducible() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let sets = ["run.assignment=interleaved", "cluster.nodes=3", "cluster.local_memory.size=1/16"];
+    let mut first = report_of(TEAPOT, out.path(), &sets)["nodes"].clone();
+    let mut second = report_of(TEAPOT, out.path(), &sets)["nodes"].clone();
+    for nodes in [&mut first, &mut second] {
+        for node in nodes.as_array_mut().expect("nodes are a list") {
+            node.as_object_mut().expect("a node is an object").remove("stall_seconds");
+        }
+    }
+    assert_eq!(first, second);
+}

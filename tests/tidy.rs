@@ -1,0 +1,79 @@
+//! The rules of ARCHITECTURE.md on who may import whom, as a test.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Every Rust source below `folder`, with its text up to its own tests.
+fn sources(folder: &str) -> Vec<(PathBuf, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    let mut rest = vec![root.join(folder)];
+    while let Some(path) = rest.pop() {
+        if path.is_dir() {
+            rest.extend(fs::read_dir(&path).expect("a readable folder").map(|e| e.expect("an entry").path()));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            let text = fs::read_to_string(&path).expect("a readable source");
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default().to_owned();
+            let code = code.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
+            found.push((path.strip_prefix(root).expect("below the root").to_owned(), code));
+        }
+    }
+    assert!(!found.is_empty(), "{folder} has no sources");
+    found
+}
+
+/// No source below `folder`, but those named, contains any of these.
+fn forbid(folder: &str, words: &[&str], but: &[&str], why: &str) {
+    for (path, code) in sources(folder) {
+        if but.iter().any(|allowed| path.starts_with(allowed)) {
+            continue;
+        }
+        for word in words {
+            assert!(!code.contains(word), "{} names `{word}`: {why}", path.display());
+        }
+    }
+}
+
+#[test]
+fn the_core_is_pure() {
+    let impure =
+        ["tokio", "mio::", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
+    for core in ["src/tracer", "src/machine"] {
+        forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
+        let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
+        forbid(core, &outer, &[], "the core does not know who uses it");
+    }
+    forbid("src/tracer", &["crate::machine", "crate::topology"], &[], "the tracer reads through MemoryPort alone");
+}
+
+#[test]
+fn no_process_imports_another() {
+    let processes = ["manager", "master", "node", "bus", "display"];
+    for process in processes {
+        for other in processes.into_iter().filter(|other| *other != process) {
+            let names = [format!("processes::{other}"), format!("super::super::{other}")];
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            forbid(&format!("src/processes/{process}"), &names, &[], "processes share meaning through protocol alone");
+        }
+    }
+}
+
+#[test]
+fn each_foreign_thing_has_its_place() {
+    forbid("src", &["bincode"], &["src/codec.rs", "src/codec"], "the wire codec is named in one file");
+    forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
+    forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
+    forbid("src", &["toml::"], &["src/topology"], "only topologies are TOML");
+    forbid("src", &["mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
+}
+
+#[test]
+fn main_functions_are_short_and_files_have_one_noun() {
+    for (path, code) in sources("bin") {
+        assert!(code.lines().count() < 40, "{} has 40 lines or more", path.display());
+    }
+    for (path, code) in sources("src") {
+        let lines = code.lines().count();
+        assert!(lines <= 500 || path.ends_with("teapot_patches.rs"), "{} has {lines} lines", path.display());
+    }
+}
