@@ -336,7 +336,7 @@ mod tests {
             assert!(Procedural::new(kind, Some(u32::MAX)).is_err());
         }
         let error = Procedural::new(Kind::Gears, Some(42)).expect_err("too large");
-        assert_eq!(error.to_string(), "gears of size 42 are not made, expected a size from 1 to 41");
+        assert_eq!(error.to_string(), "there is no gears of size 42, expected a size from 1 to 41");
         let error = "cube".parse::<Kind>().expect_err("no such kind");
         assert_eq!(error.to_string(), "\"cube\" is not a procedural scene, expected gears, teapot, balls or tetra");
     }
