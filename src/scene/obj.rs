@@ -231,7 +231,7 @@ f 3 4 5
             (obj("f a b c"), "x.obj:5:3: \"a\", expected a corner like 1, 1/2, 1//3 or 1/2/3"),
             (obj("usemtl stone"), "x.obj:5:8: \"stone\", expected one of the 0 materials defined so far"),
             (obj("usemtl"), "x.obj:5:7: the line ends here, expected a material's name"),
-            (obj("mtllib none.mtl"), "x.obj:5:8: \"none.mtl\" is not there"),
+            (obj("mtllib none.mtl"), "x.obj:5:8: \"none.mtl\": is not there"),
             (mtl("Kd 1 1 1"), "x.mtl:1:1: \"Kd\" of no material, expected newmtl before it"),
             (mtl("newmtl"), "x.mtl:1:7: the file ends here, expected a material's name"),
             (mtl("newmtl a\nKd 1 1"), "x.mtl:2:7: the file ends here, expected a colour's component from 0 to 1e6"),
@@ -264,7 +264,7 @@ f 3 4 5
         let path = folder.path().join("x.obj");
         std::fs::write(&path, "# hello\nmtllib none.mtl\n").expect("a file");
         let error = load(&path).expect_err("no such library").to_string();
-        assert!(error.contains("x.obj:2:8: \"none.mtl\" cannot be read ("), "{error}");
+        assert!(error.contains("x.obj:2:8: \"none.mtl\": cannot be read ("), "{error}");
     }
 
     proptest! {

@@ -238,7 +238,7 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
             return Ok(());
         }
         let library =
-            (self.read_library)(name).map_err(|error| self.cursor.error(word, format_args!(" {}", error.what)))?;
+            (self.read_library)(name).map_err(|error| self.cursor.error(word, format_args!(": {}", error.what)))?;
         let text = mtl::check(&library, &mut self.materials)?;
         self.checked.libraries.insert(name.to_owned(), text);
         let _ = writeln!(self.checked.text, "mtllib {name}");

@@ -49,7 +49,7 @@ pub enum Kind {
 
 /// A size that the kind does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no {kind} of size {size}, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+#[error("{kind} of size {size}: not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
 pub struct SizeError {
     pub kind: Kind,
     pub size: u32,
@@ -336,7 +336,7 @@ mod tests {
             assert!(Procedural::new(kind, Some(u32::MAX)).is_err());
         }
         let error = Procedural::new(Kind::Gears, Some(42)).expect_err("too large");
-        assert_eq!(error.to_string(), "gears of size 42 are not made, expected a size from 1 to 41");
+        assert_eq!(error.to_string(), "gears of size 42: not made, expected a size from 1 to 41");
         let error = "cube".parse::<Kind>().expect_err("no such kind");
         assert_eq!(error.to_string(), "\"cube\" is not a procedural scene, expected gears, teapot, balls or tetra");
     }
