@@ -95,11 +95,14 @@ impl<'a> Cursor<'a> {
     }
 
     /// An error at a word: what is wrong with it, and what was expected.
+    #[cold]
     pub(super) fn error(&self, word: Word, what: fmt::Arguments) -> SourceError {
-        self.source.error(
-            word.at,
-            if word.bytes.is_empty() { format!("the file ends here{what}") } else { format!("{word}{what}") },
-        )
+        let subject = match word.bytes {
+            [] if word.at >= self.source.bytes.len() => "the file ends here".into(),
+            [] => "the line ends here".into(),
+            _ => word.to_string(),
+        };
+        self.source.error(word.at, format!("{subject}{what}"))
     }
 
     /// The next word as a number.
@@ -113,6 +116,25 @@ impl<'a> Cursor<'a> {
     #[inline]
     pub(super) fn triple(&mut self, field: &Field) -> Result<glam::DVec3, SourceError> {
         Ok(glam::DVec3::new(self.number(field)?, self.number(field)?, self.number(field)?))
+    }
+
+    /// The next word as a number; it must stand on this line.
+    pub(super) fn number_on_line(&mut self, field: &Field) -> Result<(Word<'a>, f64), SourceError> {
+        let word = self.expected_word_on_line();
+        Ok((word, self.parse_number(word, field)?))
+    }
+
+    /// The next word on this line, an empty one at its end.
+    pub(super) fn expected_word_on_line(&mut self) -> Word<'a> {
+        self.word_on_line().unwrap_or(Word { at: self.at, bytes: &[] })
+    }
+
+    /// Nothing but a comment may follow on this line.
+    pub(super) fn expect_end_of_line(&mut self) -> Result<(), SourceError> {
+        match self.word_on_line() {
+            None => Ok(()),
+            Some(word) => Err(self.error(word, format_args!(", expected the end of the line"))),
+        }
     }
 
     #[inline]
@@ -134,11 +156,10 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word as a whole number from `min` to `max`.
-    pub(super) fn count(&mut self, name: &str, min: u32, max: u32) -> Result<(Word<'a>, u32), SourceError> {
-        let word = self.word();
+    /// A word as a whole number from `min` to `max`.
+    pub(super) fn parse_count(&self, word: Word, name: &str, min: u32, max: u32) -> Result<u32, SourceError> {
         match word.text().and_then(|text| text.parse().ok()) {
-            Some(count) if (min..=max).contains(&count) => Ok((word, count)),
+            Some(count) if (min..=max).contains(&count) => Ok(count),
             _ => Err(self.error(word, format_args!(", expected {name}, a whole number from {min} to {max}"))),
         }
     }

@@ -13,14 +13,16 @@
 //! | `p n` and n × `x y z` | polygon, concave ones allowed |
 //! | `pp n` and n × `x y z nx ny nz` | polygon with vertex normals |
 
+mod view;
+
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::cursor::{Cursor, Field, Word};
 use super::source::Source;
-use super::{Camera, Cone, Light, Material, Polygon, Scene, SourceError, Sphere};
-use crate::tracer::view::ImageSettings;
+use super::{Cone, Light, Material, Polygon, Scene, SourceError, Sphere};
+use view::View;
 
 /// Larger files are refused. A vertex takes at least six bytes, so no index outgrows 32 bits.
 pub const FILE_BYTES_MAX: u64 = 4 << 30;
@@ -29,16 +31,14 @@ pub const FILE_BYTES_MAX: u64 = 4 << 30;
 pub const LIGHTS_MAX: usize = 4096;
 
 pub(super) const COORDINATE: Field = Field { name: "a coordinate", min: -1e30, max: 1e30 };
-const NORMAL: Field = Field { name: "a normal's component", min: -1e30, max: 1e30 };
-const COLOUR: Field = Field { name: "a colour's component", min: 0.0, max: 1e6 };
+pub(super) const NORMAL: Field = Field { name: "a normal's component", min: -1e30, max: 1e30 };
+pub(super) const COLOUR: Field = Field { name: "a colour's component", min: 0.0, max: 1e6 };
 const KD: Field = Field { name: "Kd", min: 0.0, max: 1e6 };
 const KS: Field = Field { name: "Ks", min: 0.0, max: 1e6 };
 const SHINE: Field = Field { name: "shine", min: 0.0, max: 1e9 };
 const TRANSMITTANCE: Field = Field { name: "T", min: 0.0, max: 1.0 };
 const IOR: Field = Field { name: "an index of refraction", min: 0.0, max: 1e6 };
 const RADIUS: Field = Field { name: "a radius", min: -1e30, max: 1e30 };
-const ANGLE: Field = Field { name: "an angle in degrees", min: 0.0, max: 180.0 };
-const HITHER: Field = Field { name: "a hither distance", min: -1e30, max: 1e30 };
 
 /// Reads an NFF file.
 ///
@@ -89,13 +89,15 @@ impl Reader<'_> {
     }
 
     fn polygon(&mut self, smooth: bool) -> Result<(), SourceError> {
-        let (word, vertex_count) = self.cursor.count("a polygon's vertex count", 3, u32::MAX)?;
+        let word = self.cursor.word();
+        let vertex_count = self.cursor.parse_count(word, "a polygon's vertex count", 3, u32::MAX)?;
         // A coordinate takes a blank and a digit: what the file cannot hold is refused before it is read.
         let vertex_bytes_min = if smooth { 12 } else { 6 };
         let vertices_max = self.cursor.remaining() / vertex_bytes_min;
         if vertex_count as usize > vertices_max {
-            let what =
-                format_args!(" vertices, expected at most the {vertices_max} that the rest of the file can hold");
+            let what = format_args!(
+                " vertices are too many, expected at most the {vertices_max} that the rest of the file can hold"
+            );
             return Err(self.cursor.error(word, what));
         }
         let first_vertex = self.scene.vertices.len() as u32;
@@ -224,57 +226,194 @@ impl Reader<'_> {
     }
 }
 
-/// The parts of a view as they come.
-#[derive(Default)]
-struct View {
-    from: Option<DVec3>,
-    at: Option<DVec3>,
-    up: Option<DVec3>,
-    angle_degrees: Option<f64>,
-    resolution: Option<(u32, u32)>,
-}
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
 
-impl View {
-    /// Reads one part; `false` when the word names none.
-    fn read(&mut self, name: Word, cursor: &mut Cursor) -> Result<bool, SourceError> {
-        let side_max = ImageSettings::SIDE_MAX;
-        match name.bytes {
-            b"from" => self.from = Some(cursor.triple(&COORDINATE)?),
-            b"at" => self.at = Some(cursor.triple(&COORDINATE)?),
-            b"up" => self.up = Some(cursor.triple(&COORDINATE)?),
-            b"angle" => {
-                let word = cursor.word();
-                let angle = cursor.parse_number(word, &ANGLE)?;
-                if angle == 0.0 || angle == 180.0 {
-                    return Err(
-                        cursor.error(word, format_args!(" is out of range, expected an angle between 0 and 180"))
-                    );
-                }
-                self.angle_degrees = Some(angle);
-            }
-            b"hither" => {
-                cursor.number(&HITHER)?;
-            }
-            b"resolution" => {
-                let (_, width) = cursor.count("a width in pixels", 1, side_max)?;
-                let (_, height) = cursor.count("a height in pixels", 1, side_max)?;
-                self.resolution = Some((width, height));
-            }
-            _ => return Ok(false),
-        }
-        Ok(true)
+    use super::*;
+
+    fn read(text: impl Into<Vec<u8>>) -> Result<Scene, String> {
+        parse(&Source::from_bytes("x.nff", text)).map_err(|error| error.to_string())
     }
 
-    fn camera(self) -> Result<Camera, String> {
-        let missing = |part| format!("the view has no `{part}`, expected from, at, up and angle");
-        let camera = Camera {
-            from: self.from.ok_or_else(|| missing("from"))?,
-            at: self.at.ok_or_else(|| missing("at"))?,
-            up: self.up.ok_or_else(|| missing("up"))?,
-            angle_degrees: self.angle_degrees.ok_or_else(|| missing("angle"))?,
-            resolution: self.resolution,
+    const EVERYTHING: &str = "\
+# Everything the format has.
+b 0.1 0.2 0.3
+v
+from 0 -5 1
+at 0 0 0
+up 0 0 1
+angle 40
+hither 0.1
+resolution 320 240
+l 1 2 3
+l 4 5 6 0.5 0.25 1e0 # with a colour
+f 1 .5 0 0.5 0.25 10 0 0
+s 1 2 3 -0.5
+c 0 0 0 1 0 0 2 0
+c
+ 0 0 0 -1
+ 0 0 2 -2
+f 1 1 1 +1 0 5. 0.5 1.5
+p 4
+ 0 0 0
+ 2 0 0 # a comment within
+ 2 2 0
+ 1 1 0
+pp 3
+0 0 0  0 0 2
+1 0 0  0 3 4
+0 1 0  1 0 0
+";
+
+    #[test]
+    fn every_entity_is_read() {
+        let scene = read(EVERYTHING).expect("valid");
+        let v = DVec3::new;
+        assert_eq!(scene.background, v(0.1, 0.2, 0.3));
+        let camera = scene.camera.expect("a camera");
+        assert_eq!((camera.from, camera.at, camera.up), (v(0.0, -5.0, 1.0), DVec3::ZERO, DVec3::Z));
+        assert_eq!((camera.angle_degrees, camera.resolution), (40.0, Some((320, 240))));
+        assert_eq!(scene.lights[0], Light { position: v(1.0, 2.0, 3.0), colour: DVec3::splat(1.0 / 2f64.sqrt()) });
+        assert_eq!(scene.lights[1], Light { position: v(4.0, 5.0, 6.0), colour: v(0.5, 0.25, 1.0) });
+        assert_eq!(scene.materials[0], Material::from_nff(v(1.0, 0.5, 0.0), 0.5, 0.25, 10.0, 0.0, 0.0));
+        assert_eq!(scene.materials[1], Material::from_nff(DVec3::ONE, 1.0, 0.0, 5.0, 0.5, 1.5));
+        assert_eq!(scene.spheres, [Sphere { centre: v(1.0, 2.0, 3.0), radius: -0.5, material: 0 }]);
+        let cone = |base_radius, apex_radius| Cone {
+            base: DVec3::ZERO,
+            base_radius,
+            apex: v(0.0, 0.0, 2.0),
+            apex_radius,
+            material: 0,
         };
-        camera.check()?;
-        Ok(camera)
+        assert_eq!(scene.cones, [cone(1.0, 0.0), cone(-1.0, -2.0)]);
+        let polygon = |first_vertex, vertex_count, first_normal| Polygon {
+            first_vertex,
+            vertex_count,
+            first_normal,
+            material: 1,
+        };
+        assert_eq!(scene.polygons, [polygon(0, 4, None), polygon(4, 3, Some(0))]);
+        assert_eq!(scene.corners(&scene.polygons[0])[3], v(1.0, 1.0, 0.0));
+        assert_eq!(scene.normals, [DVec3::Z, v(0.0, 3.0, 4.0).normalize(), DVec3::X]);
+    }
+
+    #[test]
+    fn line_ends_and_byte_order_marks_of_other_systems_are_read() {
+        let windows = format!("\u{feff}{}", EVERYTHING.replace('\n', "\r\n"));
+        assert_eq!(read(windows), read(EVERYTHING));
+        assert_eq!(read(EVERYTHING.trim_end()), read(EVERYTHING));
+    }
+
+    #[test]
+    fn without_entities_there_are_defaults() {
+        assert_eq!(read(""), Ok(Scene::default()));
+        let scene = read("s 0 0 0 1 f 1 0 0 1 0 1 0 1 s 1 1 1 1").expect("valid");
+        assert_eq!(scene.materials[0], Material::WHITE);
+        assert_eq!((scene.spheres[0].material, scene.spheres[1].material), (0, 1));
+    }
+
+    #[test]
+    fn mistakes_are_told_with_their_place() {
+        let lights = "l 0 0 0\n".repeat(LIGHTS_MAX + 1);
+        let table: &[(&[u8], &str)] = &[
+            (b"x 1", "1:1: \"x\", expected v, b, l, f, s, c, p, pp or #"),
+            (b"s 0 0 0 1 2", "1:11: \"2\", expected v, b, l, f, s, c, p, pp or #"),
+            (
+                b"\x7fELF\x02\x01\x01\0\0",
+                "1:1: \"\\x7fELF\\x02\\x01\\x01\\x00\\x00\", expected v, b, l, f, s, c, p, pp or #",
+            ),
+            (b"s 0 0 \xff\xfe 1", "1:7: \"\\xff\\xfe\" is not a number, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 0 \0 1", "1:7: \"\\x00\" is not a number, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 0 0", "1:8: the file ends here, expected a radius from -1e30 to 1e30"),
+            (b"# \n\ns 0 0 0 0", "3:9: \"0\" is no radius, expected one other than 0"),
+            (b"s nan 0 0 1", "1:3: \"nan\" is out of range, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 -inf 0 1", "1:5: \"-inf\" is out of range, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 1e400 0 1", "1:5: \"1e400\" is out of range, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 2e30 0 1", "1:5: \"2e30\" is out of range, expected a coordinate from -1e30 to 1e30"),
+            (b"s 0 0,5 0 1", "1:5: \"0,5\" is not a number, expected a coordinate from -1e30 to 1e30"),
+            (b"f 1 1 1 -1 0 1 0 1", "1:9: \"-1\" is out of range, expected Kd from 0 to 1e6"),
+            (b"f 1 1 1 1 -0.1 1 0 1", "1:11: \"-0.1\" is out of range, expected Ks from 0 to 1e6"),
+            (b"f 1 1 1 1 0 1 1.5 1", "1:15: \"1.5\" is out of range, expected T from 0 to 1"),
+            (b"f 1 1 1 1 0 1 0.5 0", "1:19: \"0\" is no index of refraction where T is above 0, expected one above 0"),
+            (b"f 1 -1 1 1 0 1 0 1", "1:5: \"-1\" is out of range, expected a colour's component from 0 to 1e6"),
+            (
+                b"p 2\n0 0 0\n1 1 1",
+                "1:3: \"2\", expected a polygon's vertex count, a whole number from 3 to 4294967295",
+            ),
+            (b"p -3", "1:3: \"-3\", expected a polygon's vertex count, a whole number from 3 to 4294967295"),
+            (b"p 3.5", "1:3: \"3.5\", expected a polygon's vertex count, a whole number from 3 to 4294967295"),
+            (
+                b"p 4000000000\n0 0 0\n",
+                "1:3: \"4000000000\" vertices are too many, expected at most the 1 that the rest of the file can hold",
+            ),
+            (
+                b"p 99999999999",
+                "1:3: \"99999999999\", expected a polygon's vertex count, a whole number from 3 to 4294967295",
+            ),
+            (b"p 3\n0.5 0.5 0\n1 0 0\n0 1 ", "4:5: the file ends here, expected a coordinate from -1e30 to 1e30"),
+            (
+                b"pp 3\n0 0 0 0 0 0\n1 0 0 0 0 1\n0 1 0 0 0 1",
+                "2:7: \"0\" starts a normal without a direction, expected one longer than 0",
+            ),
+            (b"c 0 0 0 1 0 0 0 1", "1:1: \"c\" without height, expected an apex away from the base"),
+            (b"c 0 0 0 0 0 0 1 0", "1:17: \"0\" is the second radius that is 0, expected at most one"),
+            (
+                b"c\n0 0 0 1\n0 0 1 -1",
+                "3:7: \"-1\" is an apex radius of the other sign, expected both positive or both negative",
+            ),
+            (b"l 0 0", "1:6: the file ends here, expected a coordinate from -1e30 to 1e30"),
+            (b"l 0 0 0 1\ns 0 0 0 1", "2:1: \"s\" is not a number, expected a colour's component from 0 to 1e6"),
+            (lights.as_bytes(), "4097:1: \"l\" is one too many, expected at most 4096 lights"),
+            (
+                b"v\nfrom 1 0 0\nat 0 0 0\nangle 45\n",
+                "1:1: \"v\": the view has no `up`, expected from, at, up and angle",
+            ),
+        ];
+        for (text, expected) in table {
+            let error = read(*text).expect_err("malformed");
+            assert_eq!(error, format!("x.nff:{expected}"), "{}", text.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn impossible_views_are_told_with_their_place() {
+        for (right, wrong, expected) in [
+            ("at 0 0 0", "at 0 -5 1", "3:1: \"v\": from and at are the same point, expected two"),
+            ("up 0 0 1", "up 0 5 -1", "3:1: \"v\": up is along the view direction, expected it to point aside"),
+            ("up 0 0 1", "up 0 0 0", "3:1: \"v\": up has no direction, expected a vector longer than 0"),
+            ("up 0 0 1\n", "", "3:1: \"v\": the view has no `up`, expected from, at, up and angle"),
+            ("angle 40", "angle 180", "7:7: \"180\" is out of range, expected an angle between 0 and 180"),
+            ("angle 40", "angle -1", "7:7: \"-1\" is out of range, expected an angle in degrees from 0 to 180"),
+            ("320 240", "0 240", "9:12: \"0\", expected a width in pixels, a whole number from 1 to 65536"),
+            ("320 240", "320 65537", "9:16: \"65537\", expected a height in pixels, a whole number from 1 to 65536"),
+            ("s 1 2 3 -0.5", "v", "13:1: \"v\" is a second view, expected one"),
+        ] {
+            let error = read(EVERYTHING.replace(right, wrong)).expect_err("malformed");
+            assert_eq!(error, format!("x.nff:{expected}"));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let _ = read(bytes);
+        }
+
+        #[test]
+        fn a_damaged_file_is_read_or_refused(
+            cut in 0..=EVERYTHING.len(),
+            at in prop::collection::vec((0..EVERYTHING.len(), prop::sample::select(b"0-19e. \n#pcsvlfb\xff".to_vec())), 0..6),
+        ) {
+            let mut bytes = EVERYTHING.as_bytes().to_vec();
+            for (place, byte) in at {
+                bytes[place] = byte;
+            }
+            bytes.truncate(cut);
+            if let Ok(scene) = read(bytes) {
+                prop_assert!(scene.vertices.iter().chain(&scene.normals).all(|v| v.is_finite()));
+                prop_assert!(scene.polygons.iter().all(|p| (p.material as usize) < scene.materials.len()));
+            }
+        }
     }
 }

@@ -21,12 +21,12 @@ impl Source {
     /// than `bytes_max`.
     pub(crate) fn read(file: &Path, bytes_max: u64) -> Result<Self, SourceError> {
         let error = |what: String| SourceError::new(file, None, what);
-        let unreadable = |e: std::io::Error| error(format!("cannot be read ({e}), expected a regular file"));
+        let unreadable = |e: std::io::Error| error(format!("cannot be read ({e}), expected a readable file"));
         let metadata = std::fs::metadata(file).map_err(unreadable)?;
         if !metadata.is_file() {
-            return Err(error("not a regular file, expected a regular file".into()));
+            return Err(error("is not a regular file, expected one".into()));
         }
-        let too_large = |bytes: u64| error(format!("{bytes} bytes are too many, expected at most {bytes_max}"));
+        let too_large = |bytes: u64| error(format!("has {bytes} bytes, expected at most {bytes_max}"));
         if metadata.len() > bytes_max {
             return Err(too_large(metadata.len()));
         }
@@ -81,9 +81,9 @@ mod tests {
         std::fs::write(&file, "12345").expect("a file");
         assert_eq!(Source::read(&file, 5).expect("five bytes").bytes, b"12345");
         let what = |path: &Path, bytes_max| Source::read(path, bytes_max).expect_err("refused").what;
-        assert_eq!(what(&file, 4), "5 bytes are too many, expected at most 4");
-        assert_eq!(what(folder.path(), 4), "not a regular file, expected a regular file");
-        assert_eq!(what(Path::new("/dev/zero"), 4), "not a regular file, expected a regular file");
+        assert_eq!(what(&file, 4), "has 5 bytes, expected at most 4");
+        assert_eq!(what(folder.path(), 4), "is not a regular file, expected one");
+        assert_eq!(what(Path::new("/dev/zero"), 4), "is not a regular file, expected one");
         assert!(what(&folder.path().join("none"), 4).starts_with("cannot be read ("));
     }
 }

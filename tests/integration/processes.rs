@@ -9,7 +9,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 /// Name and pid of the living children of a process, once there are at least `count` or after `patience`.
-pub fn children(parent: u32, count: usize, patience: Duration) -> Vec<(String, u32)> {
+pub(crate) fn children(parent: u32, count: usize, patience: Duration) -> Vec<(String, u32)> {
     let start = Instant::now();
     loop {
         let found = children_now(parent);
@@ -39,13 +39,13 @@ fn children_now(parent: u32) -> Vec<(String, u32)> {
 }
 
 /// Whether a process lives; a zombie does not.
-pub fn lives(pid: u32) -> bool {
+pub(crate) fn lives(pid: u32) -> bool {
     fs::read_to_string(format!("/proc/{pid}/stat"))
         .is_ok_and(|stat| stat.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with('Z')))
 }
 
 /// The IPv4 ports that a process listens on.
-pub fn listening_ports(pid: u32) -> Vec<u16> {
+pub(crate) fn listening_ports(pid: u32) -> Vec<u16> {
     let descriptors = fs::read_dir(format!("/proc/{pid}/fd")).expect("a process of ours");
     let sockets: HashSet<String> = descriptors
         .filter_map(|entry| Some(fs::read_link(entry.ok()?.path()).ok()?.to_string_lossy().into_owned()))
@@ -61,18 +61,18 @@ pub fn listening_ports(pid: u32) -> Vec<u16> {
 }
 
 /// Most memory that a process ever had in use.
-pub fn peak_memory_kib(pid: u32) -> u64 {
+pub(crate) fn peak_memory_kib(pid: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("a process of ours");
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("a line of peak memory");
     line.trim().trim_end_matches(" kB").parse().expect("a number")
 }
 
-pub fn signal(pid: u32, signal: Signal) {
+pub(crate) fn signal(pid: u32, signal: Signal) {
     kill(Pid::from_raw(i32::try_from(pid).expect("a pid")), signal).expect("a process of ours can be signalled");
 }
 
 /// Ends a manager and all its children by SIGINT, within ten seconds.
-pub fn end(manager: &mut Child) -> Option<i32> {
+pub(crate) fn end(manager: &mut Child) -> Option<i32> {
     signal(manager.id(), Signal::SIGINT);
     let start = Instant::now();
     while start.elapsed() < Duration::from_secs(10) {

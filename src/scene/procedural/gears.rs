@@ -54,7 +54,7 @@ fn material(ix: u32, iy: u32, iz: u32) -> Material {
         component(iz * 3 + ix * 2 + iy, 2.0),
     );
     let colour = colour / colour.max_element();
-    if (ix * 4 + iy * 2 + iz) % 5 == 0 {
+    if (ix * 4 + iy * 2 + iz).is_multiple_of(5) {
         Material::from_nff(colour, 0.2, 0.0, NO_SHINE, 0.8, 1.1)
     } else {
         Material::from_nff(colour, 1.0, 0.0, NO_SHINE, 0.0, 0.0)

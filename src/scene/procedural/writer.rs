@@ -109,24 +109,31 @@ struct Number(f64);
 
 impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const DIGITS: i32 = 6;
-        let scientific = format!("{:.*e}", DIGITS as usize - 1, self.0);
-        let Some((digits, exponent)) = scientific.split_once('e') else {
-            return f.write_str(&scientific);
-        };
+        const DIGITS: usize = 6;
+        let scientific = format!("{:.*e}", DIGITS - 1, self.0.abs());
+        let (digits, exponent) = scientific.split_once('e').ok_or(fmt::Error)?;
         let exponent: i32 = exponent.parse().map_err(|_| fmt::Error)?;
-        if (-4..DIGITS).contains(&exponent) {
-            let fixed = format!("{:.*}", (DIGITS - 1 - exponent) as usize, self.0);
-            f.write_str(without_zeros_at_the_end(&fixed))
-        } else {
-            let sign = if exponent < 0 { '-' } else { '+' };
-            write!(f, "{}e{sign}{:02}", without_zeros_at_the_end(digits), exponent.abs())
+        let (first, rest) = digits.split_once('.').ok_or(fmt::Error)?;
+        let rest = rest.trim_end_matches('0');
+        let point = if rest.is_empty() { "" } else { "." };
+        if self.0.is_sign_negative() {
+            f.write_str("-")?;
+        }
+        match exponent {
+            0 => write!(f, "{first}{point}{rest}"),
+            1..6 => {
+                let whole = exponent as usize;
+                let (whole, fraction) = (&rest[..rest.len().min(whole)], rest.get(whole..).unwrap_or_default());
+                let point = if fraction.is_empty() { "" } else { "." };
+                write!(f, "{first}{whole:0<width$}{point}{fraction}", width = exponent as usize)
+            }
+            -4..0 => write!(f, "0.{:0<width$}{first}{rest}", "", width = (-1 - exponent) as usize),
+            _ => {
+                let sign = if exponent < 0 { '-' } else { '+' };
+                write!(f, "{first}{point}{rest}e{sign}{:02}", exponent.abs())
+            }
         }
     }
-}
-
-fn without_zeros_at_the_end(number: &str) -> &str {
-    if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
 }
 
 #[cfg(test)]

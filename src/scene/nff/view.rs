@@ -1,0 +1,72 @@
+//! The view of an NFF file, part by part.
+
+use glam::DVec3;
+
+use super::COORDINATE;
+use crate::scene::cursor::{Cursor, Field, Word};
+use crate::scene::{Camera, SourceError};
+use crate::tracer::view::ImageSettings;
+
+const ANGLE: Field = Field { name: "an angle in degrees", min: 0.0, max: 180.0 };
+const HITHER: Field = Field { name: "a hither distance", min: -1e30, max: 1e30 };
+
+/// The parts of a view as they come.
+#[derive(Default)]
+pub(super) struct View {
+    from: Option<DVec3>,
+    at: Option<DVec3>,
+    up: Option<DVec3>,
+    angle_degrees: Option<f64>,
+    resolution: Option<(u32, u32)>,
+}
+
+impl View {
+    /// Reads one part; `false` when the word names none.
+    pub(super) fn read(&mut self, name: Word, cursor: &mut Cursor) -> Result<bool, SourceError> {
+        match name.bytes {
+            b"from" => self.from = Some(cursor.triple(&COORDINATE)?),
+            b"at" => self.at = Some(cursor.triple(&COORDINATE)?),
+            b"up" => self.up = Some(cursor.triple(&COORDINATE)?),
+            b"angle" => {
+                let word = cursor.word();
+                let angle = cursor.parse_number(word, &ANGLE)?;
+                if angle == 0.0 || angle == 180.0 {
+                    return Err(
+                        cursor.error(word, format_args!(" is out of range, expected an angle between 0 and 180"))
+                    );
+                }
+                self.angle_degrees = Some(angle);
+            }
+            b"hither" => {
+                cursor.number(&HITHER)?;
+            }
+            b"resolution" => {
+                let mut side = |name| {
+                    let word = cursor.word();
+                    cursor.parse_count(word, name, 1, ImageSettings::SIDE_MAX)
+                };
+                let (width, height) = (side("a width in pixels")?, side("a height in pixels")?);
+                self.resolution = Some((width, height));
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// The whole view.
+    ///
+    /// # Errors
+    /// A part is missing, or they make no view together.
+    pub(super) fn camera(self) -> Result<Camera, String> {
+        let missing = |part| format!("the view has no `{part}`, expected from, at, up and angle");
+        let camera = Camera {
+            from: self.from.ok_or_else(|| missing("from"))?,
+            at: self.at.ok_or_else(|| missing("at"))?,
+            up: self.up.ok_or_else(|| missing("up"))?,
+            angle_degrees: self.angle_degrees.ok_or_else(|| missing("angle"))?,
+            resolution: self.resolution,
+        };
+        camera.check()?;
+        Ok(camera)
+    }
+}
