@@ -5,13 +5,12 @@
 mod state;
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 
 use bytes::BytesMut;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, spawn_blocking};
 
-use self::state::{Action, ConnectionId, Event, State};
+use self::state::{Action, ConnectionId, Event, Finished, State};
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Receiver, Sender};
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
@@ -178,9 +177,10 @@ impl Shell {
     async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
         let Self { state, wire_bytes, .. } = self;
         let written = spawn_blocking(move || {
-            let (frame, totals) = state.finish();
-            let written: Vec<PathBuf> = frame.write(&configuration.image, configuration.exr)?;
-            std::io::Result::Ok(DisplayTotals { wire_bytes, written, ..totals })
+            let Finished { frame, tiles_done, tiles_stale } = state.finish();
+            // Before the hash: when a run is interrupted, time is short.
+            let written = frame.write(&configuration.image, configuration.exr)?;
+            std::io::Result::Ok(DisplayTotals { sha256: frame.sha256(), tiles_done, tiles_stale, wire_bytes, written })
         });
         let failed = |error: &dyn std::fmt::Display| DisplayError::Failed(format!("cannot write the image: {error}"));
         written.await.map_err(|error| failed(&error))?.map_err(|error| failed(&error))

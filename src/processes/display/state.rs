@@ -2,7 +2,7 @@
 
 use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
-use crate::protocol::control::{DisplayConfiguration, DisplayReport, DisplayTotals};
+use crate::protocol::control::{DisplayConfiguration, DisplayReport};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::tracer::{Pixels, Rect, Tiling};
 
@@ -92,17 +92,18 @@ impl State {
         Ok(())
     }
 
-    /// The frame, and the totals but for the bytes on the wire and the files.
-    pub(super) fn finish(self) -> (FrameBuffer, DisplayTotals) {
-        let totals = DisplayTotals {
-            sha256: self.frame.sha256(),
-            tiles_done: self.tiles_done,
-            tiles_stale: self.tiles_stale,
-            wire_bytes: 0,
-            written: Vec::new(),
-        };
-        (self.frame, totals)
+    /// What there is, whole or partial.
+    pub(super) fn finish(self) -> Finished {
+        Finished { frame: self.frame, tiles_done: self.tiles_done, tiles_stale: self.tiles_stale }
     }
+}
+
+#[derive(Debug)]
+pub(super) struct Finished {
+    pub(super) frame: FrameBuffer,
+    pub(super) tiles_done: u32,
+    /// Results for tiles that were done already.
+    pub(super) tiles_stale: u64,
 }
 
 #[cfg(test)]
@@ -154,8 +155,8 @@ mod tests {
         assert_eq!(send(&mut state, 0, 0, &tile(6, 0.25)), acknowledged(0, 0));
         // Not even looked at: another colour would show.
         assert_eq!(send(&mut state, 0, 1, &tile(6, 0.75)), acknowledged(0, 1));
-        let (frame, totals) = state.finish();
-        assert_eq!((totals.tiles_done, totals.tiles_stale), (1, 1));
+        let Finished { frame, tiles_done, tiles_stale } = state.finish();
+        assert_eq!((tiles_done, tiles_stale), (1, 1));
         assert_eq!(frame.pixels().colour[0], [0.25; 3]);
         assert_eq!(frame.pixels().colour[3], [0.0; 3]);
     }
@@ -168,7 +169,7 @@ mod tests {
             for id in order {
                 assert_eq!(send(&mut state, id, 0, &tile(sizes[id as usize], id as f32)), acknowledged(id, 0));
             }
-            state.finish().1.sha256
+            state.finish().frame.sha256()
         };
         assert_eq!(hash([0, 1, 2, 3]), hash([3, 1, 0, 2]));
         assert_eq!(hash([0, 1, 2, 3]).len(), 64);
@@ -183,6 +184,6 @@ mod tests {
         let torn = TilePixels { tile: TileId(0), attempt: Attempt(2), crc32c: 1 };
         let actions = state.handle(Event::Tile { from: NODE, tile: torn, bytes: &tile(6, 0.0) });
         assert!(refusal(&actions).starts_with("tile 0, attempt 2: its pixels have crc32c"));
-        assert_eq!(state.finish().1.tiles_done, 0);
+        assert_eq!(state.finish().tiles_done, 0);
     }
 }

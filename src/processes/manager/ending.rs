@@ -9,13 +9,13 @@ use super::state::{Phase, State};
 use crate::protocol::hello::Role;
 
 /// From a signal until everybody is killed: all must be over within two seconds.
-const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1200);
+const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1500);
 /// From a server's death until everybody is killed; the display needs some time for the partial image.
 const FAILED_DEADLINE: Duration = Duration::from_secs(5);
 /// For the last processes to go after they have told everything.
 const FAREWELL_DEADLINE: Duration = Duration::from_secs(2);
 /// From killing a process until its death is confirmed.
-const KILL_DEADLINE: Duration = Duration::from_millis(300);
+const KILL_DEADLINE: Duration = Duration::from_millis(200);
 
 /// Why a run ends.
 #[derive(Clone, PartialEq, Eq, Debug)]
