@@ -98,7 +98,7 @@ pub struct Octree {
 }
 
 impl Octree {
-    pub const DEFAULT: Self = Self { leaf_size: 12, max_depth: 10, mailbox: true };
+    pub const DEFAULT: Self = Self { leaf_size: 8, max_depth: 12, mailbox: true };
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -283,7 +283,7 @@ mod tests {
             lights: Vec::new(),
             background: None,
             image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0 },
-            octree: Octree { leaf_size: 12, max_depth: 10, mailbox: true },
+            octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
             cluster: Cluster {
                 nodes: 4,
                 local_memory: LocalMemory {
