@@ -141,7 +141,8 @@ mod tests {
     #[test]
     fn each_imbalance_is_named() {
         let nodes = nodes();
-        let wrong: [(&str, fn(&mut Books)); 7] = [
+        type Change = fn(&mut Books);
+        let wrong: [(&str, Change); 7] = [
             ("logged fetches", |b| b.bus.fetches += 1),
             ("fetched bytes", |b| b.bus.fetched_bytes -= 32),
             ("attempts issued", |b| b.master.attempts_issued -= 1),

@@ -174,7 +174,7 @@ pub struct Tiles {
     pub done: u64,
     /// Attempts after a tile's first.
     pub reissued: u64,
-    /// Completions that were no longer awaited.
+    /// Results that came too late: pixels of a tile that was there already, completions no longer awaited.
     pub stale: u64,
 }
 

@@ -74,7 +74,7 @@ impl Reader<'_> {
                 b"l" => self.light(keyword)?,
                 b"v" => self.view(keyword)?,
                 b"b" => self.scene.background = self.cursor.triple(&COLOUR)?,
-                b"" => return Ok(()),
+                b"" if self.scene != Scene::default() => return Ok(()),
                 _ => return Err(self.cursor.error(keyword, format_args!(", expected v, b, l, f, s, c, p, pp or #"))),
             }
         }

@@ -88,7 +88,7 @@ const CASES: &[Case] = &[
     topology!("topology: unknown scene", "[scene]\nprocedural = \"bunny\"\n"),
     topology!("topology: two scenes", "[scene]\nprocedural = \"gears\"\nfile = \"a.nff\"\n"),
     topology!("topology: camera not a number", "[scene]\nfile = \"a.obj\"\n[camera]\nfrom = [0, 0, nan]\nat = [0, 0, 0]\nup = [0, 1, 0]\nangle = 45\n"),
-    topology!("topology: a later version", "version = 2\n[scene]\nprocedural = \"gears\"\n"),
+    topology!("topology: a later version", "[topology]\nversion = 2\n[scene]\nprocedural = \"gears\"\n"),
     ("topology: binary", &[("bad.toml", b"\x00\x01\x02\xff")], &["check", "bad.toml"]),
     ("override: unknown key", &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")], &["check", "good.toml", "--set", "cluster.nod=3"]),
     ("override: zero nodes", &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")], &["check", "good.toml", "--set", "cluster.nodes=0"]),

@@ -81,7 +81,8 @@ pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
             total: u64::from(queue.total()),
             done: u64::from(queue.total() - queue.missing()),
             reissued: queue.reissued(),
-            stale: ledger.master.map_or(0, |master| master.attempts_stale),
+            stale: ledger.master.map_or(0, |master| master.attempts_stale)
+                + ledger.display.as_ref().map_or(0, |display| display.tiles_stale),
         }),
         nodes: nodes(state, line_bytes),
         memory: (!counted.is_empty()).then(|| {

@@ -9,13 +9,13 @@ use super::state::{Phase, State};
 use crate::protocol::hello::Role;
 
 /// From a signal until everybody is killed: all must be over within two seconds.
-const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1300);
+const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1200);
 /// From a server's death until everybody is killed; the display needs some time for the partial image.
 const FAILED_DEADLINE: Duration = Duration::from_secs(5);
 /// For the last processes to go after they have told everything.
 const FAREWELL_DEADLINE: Duration = Duration::from_secs(2);
 /// From killing a process until its death is confirmed.
-const KILL_DEADLINE: Duration = Duration::from_millis(500);
+const KILL_DEADLINE: Duration = Duration::from_millis(300);
 
 /// Why a run ends.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -137,10 +137,12 @@ impl State {
         let deadline = self.now + self.patience(&ending.cause, step);
         let Phase::Ending(ending) = &mut self.phase else { return };
         ending.step = step;
-        // An end that is not peaceful has one deadline for all steps, but for those that killing has delayed.
         let peaceful = matches!(ending.cause, Cause::Complete | Cause::NoNodes);
-        if peaceful || ending.forced || step == Step::Farewell {
+        if peaceful || step == Step::Farewell {
             ending.deadline = deadline;
+        } else if ending.forced {
+            // An end that is not peaceful has one deadline for all steps; this one has had to wait for a killing.
+            ending.deadline = self.now + KILL_DEADLINE;
         }
         ending.forced = false;
     }

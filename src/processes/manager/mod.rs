@@ -165,7 +165,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The bus holds the database from here on.
     drop(prepared);
-    let state = runtime.block_on(run.to_the_end(plan))?;
+    let state = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 

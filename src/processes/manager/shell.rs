@@ -55,7 +55,7 @@ impl Run {
     ///
     /// # Errors
     /// The system has no port or no signals.
-    pub(super) async fn to_the_end(self, plan: Plan) -> Result<State, RunError> {
+    pub(super) async fn finish(self, plan: Plan) -> Result<State, RunError> {
         let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
@@ -78,6 +78,9 @@ impl Run {
                     Event::Tick
                 }
             };
+            if !matches!(event, Event::Report(..) | Event::Tick) {
+                tracing::info!("{event:?}");
+            }
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
         }
@@ -115,9 +118,9 @@ impl Shell {
 
     fn act(&mut self, actions: Vec<Action>) {
         for action in actions {
-            tracing::debug!("{action:?}");
             match action {
                 Action::Spawn(id) => {
+                    tracing::info!("{id} is started");
                     self.port.expect(id);
                     self.children.spawn(id);
                 }

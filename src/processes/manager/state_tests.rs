@@ -80,6 +80,12 @@ impl Stage {
         self.happens(Event::Exited(id, "died: signal 9".to_owned()))
     }
 
+    fn all_exit(&mut self, ids: &[ProcessId]) {
+        for &id in ids {
+            self.exits(id);
+        }
+    }
+
     fn done(&mut self, n: u16, tile: u32, attempt: u32) -> Vec<Action> {
         let done = TileDone {
             tile: TileId(tile),
@@ -222,7 +228,7 @@ fn three_failures_in_a_row_set_a_node_aside() {
     stage.master(MasterReport::Finished(MasterTotals::default()));
     stage.display(DisplayReport::Finished(display_totals()));
     stage.bus(BusReport::Finished(BusTotals::default()));
-    [BUS, MASTER, DISPLAY].map(|id| stage.exits(id));
+    stage.all_exit(&[BUS, MASTER, DISPLAY]);
     assert_eq!(stage.state.over(), Some(&Cause::NoNodes));
 }
 
@@ -236,7 +242,7 @@ fn a_dead_server_ends_the_run_and_is_named() {
         stage.master(MasterReport::Finished(MasterTotals::default()));
         stage.display(DisplayReport::Finished(display_totals()));
         stage.bus(BusReport::Finished(BusTotals::default()));
-        [BUS, MASTER, DISPLAY].map(|id| stage.exits(id));
+        stage.all_exit(&[BUS, MASTER, DISPLAY]);
         assert_eq!(stage.state.over(), Some(&Cause::Failed(format!("the {name} died: signal 9"))));
     }
 }
@@ -280,7 +286,7 @@ fn a_second_signal_kills_everybody_at_once() {
     for id in [BUS, MASTER, DISPLAY, node(0, 0)] {
         assert!(actions.contains(&Action::Kill(id)), "{id}");
     }
-    [BUS, MASTER, DISPLAY, node(0, 0)].map(|id| stage.exits(id));
+    stage.all_exit(&[BUS, MASTER, DISPLAY, node(0, 0)]);
     assert_eq!(stage.state.over(), Some(&Cause::Interrupted(Interrupt::Sigint)));
 }
 
@@ -310,6 +316,6 @@ fn whoever_does_not_connect_is_named() {
     let actions = stage.happens(Event::Tick);
     assert_eq!(actions.len(), 4, "{actions:?}");
     stage.exits(DISPLAY);
-    [BUS, MASTER, node(0, 0)].map(|id| stage.exits(id));
+    stage.all_exit(&[BUS, MASTER, node(0, 0)]);
     assert_eq!(stage.state.over(), Some(&Cause::Failed("the display did not connect within 10 s".to_owned())));
 }

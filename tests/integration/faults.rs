@@ -1,0 +1,184 @@
+//! Processes die in the middle of a run: a node is replaced and the image is the same, a server ends the run and
+//! is named, a signal ends it in time, and nothing stays behind.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use serde_json::Value;
+
+use crate::command::{TEAPOT, marti, number, read_report, report_of};
+use crate::processes::{children, lives, signal};
+
+/// Long enough for a test to interfere: a fetch for nearly every record.
+const SLOW: [&str; 4] = ["image.width=160", "image.height=160", "cluster.nodes=3", "cluster.local_memory.size=4 KiB"];
+/// Manager's patience with a dead server, and some for a busy machine.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A run in the middle of its work.
+struct Running {
+    manager: Child,
+    children: Vec<(String, u32)>,
+    out: tempfile::TempDir,
+}
+
+impl Running {
+    fn start(nodes: usize) -> Self {
+        let out = tempfile::tempdir().expect("temporary folder");
+        let mut command = marti();
+        command.args(["run", TEAPOT, "--quiet", "--out"]).arg(out.path());
+        SLOW.iter().for_each(|set| {
+            command.args(["--set", set]);
+        });
+        let stderr = fs::File::create(out.path().join("stderr")).expect("writable folder");
+        let manager = command.stdout(Stdio::null()).stderr(stderr).spawn().expect("marti can be started");
+        let children = children(manager.id(), 3 + nodes, PATIENCE);
+        assert_eq!(children.len(), 3 + nodes, "{children:?}");
+        let running = Self { manager, children, out };
+        running.wait_for_rows();
+        running
+    }
+
+    /// Until the bus has logged something: nodes are at work.
+    fn wait_for_rows(&self) {
+        let recording = self.out.path().join("recording");
+        let logged = || {
+            let files = fs::read_dir(&recording).into_iter().flatten().flatten();
+            files.filter_map(|file| Some(file.metadata().ok()?.len())).sum::<u64>() > 64 << 10
+        };
+        let start = Instant::now();
+        while !logged() {
+            assert!(start.elapsed() < PATIENCE, "nothing is logged");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn pids(&self, name: &str) -> Vec<u32> {
+        self.children.iter().filter(|(child, _)| child == name).map(|(_, pid)| *pid).collect()
+    }
+
+    /// How the manager ended, and after how long.
+    fn end(&mut self, patience: Duration) -> (ExitStatus, Duration) {
+        let start = Instant::now();
+        loop {
+            if let Some(status) = self.manager.try_wait().expect("our own child") {
+                return (status, start.elapsed());
+            }
+            if start.elapsed() > patience {
+                signal(self.manager.id(), Signal::SIGKILL);
+                panic!("still running after {patience:?}: {}", self.stderr());
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn stderr(&self) -> String {
+        fs::read_to_string(self.out.path().join("stderr")).unwrap_or_default()
+    }
+
+    fn report(&self) -> Value {
+        read_report(&self.out.path().join("report.json"))
+    }
+
+    fn assert_nobody_lives(&self) {
+        let left: Vec<_> = self.children.iter().filter(|(_, pid)| lives(*pid)).collect();
+        assert!(left.is_empty(), "left behind: {left:?}");
+    }
+}
+
+fn decodes_as_png(path: &Path) -> bool {
+    fs::read(path)
+        .is_ok_and(|bytes| bytes.starts_with(b"\x89PNG\r\n\x1a\n") && bytes.ends_with(b"IEND\xae\x42\x60\x82"))
+}
+
+#[test]
+fn nodes_that_are_killed_are_replaced_and_the_image_is_the_same() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let undisturbed = report_of(TEAPOT, out.path(), &SLOW);
+    let mut running = Running::start(3);
+    for pid in &running.pids("marti-node")[..2] {
+        signal(*pid, Signal::SIGKILL);
+        std::thread::sleep(Duration::from_millis(30));
+    }
+    let (status, _) = running.end(Duration::from_secs(120));
+    assert!(status.success(), "{status}: {}", running.stderr());
+    let report = running.report();
+    assert_eq!(report["image"]["sha256"], undisturbed["image"]["sha256"]);
+    assert_eq!(report["rays"], undisturbed["rays"], "counts are those of accepted attempts");
+    assert_eq!(report["conservation"]["holds"], true, "{}", report["conservation"]);
+    assert!(number(&report, "tiles.reissued") >= 1, "{}", report["tiles"]);
+    let incidents = report["incidents"].as_array().expect("incidents are a list");
+    assert!(incidents.len() >= 2 && incidents[0]["text"].as_str().is_some_and(|text| text.contains("SIGKILL")));
+    running.assert_nobody_lives();
+}
+
+#[test]
+fn a_node_that_falls_silent_is_killed_and_replaced() {
+    let mut running = Running::start(3);
+    signal(running.pids("marti-node")[1], Signal::SIGSTOP);
+    let (status, _) = running.end(Duration::from_secs(120));
+    assert!(status.success(), "{status}: {}", running.stderr());
+    running.assert_nobody_lives();
+}
+
+#[test]
+fn a_server_that_dies_ends_the_run_and_is_named() {
+    for name in ["bus", "master", "display"] {
+        let mut running = Running::start(3);
+        signal(running.pids(&format!("marti-{name}"))[0], Signal::SIGKILL);
+        let (status, took) = running.end(PATIENCE);
+        assert_eq!(status.code(), Some(1), "{name}: {}", running.stderr());
+        assert!(running.stderr().contains(&format!("error: the {name} died of signal 9")), "{}", running.stderr());
+        assert_eq!(decodes_as_png(&running.out.path().join("image.png")), name != "display", "{name}");
+        assert_eq!(running.report()["status"], "failed");
+        running.assert_nobody_lives();
+        println!("{name}: over after {} ms", took.as_millis());
+    }
+}
+
+#[test]
+fn a_signal_ends_the_run_within_two_seconds_and_keeps_the_partial_image() {
+    for (sent, code) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143)] {
+        let mut running = Running::start(3);
+        signal(running.manager.id(), sent);
+        let (status, took) = running.end(PATIENCE);
+        assert_eq!(status.code(), Some(code), "{}", running.stderr());
+        assert!(took < Duration::from_secs(2), "{sent}: {took:?}");
+        assert!(decodes_as_png(&running.out.path().join("image.png")), "{sent}");
+        let report = running.report();
+        assert_eq!(report["status"], "interrupted");
+        assert_eq!(report["conservation"]["holds"], true, "{}", report["conservation"]);
+        assert!(number(&report, "tiles.done") < number(&report, "tiles.total"));
+        running.assert_nobody_lives();
+    }
+}
+
+#[test]
+fn a_manager_that_is_killed_leaves_no_child_for_more_than_three_seconds() {
+    let mut running = Running::start(3);
+    signal(running.manager.id(), Signal::SIGKILL);
+    running.end(PATIENCE);
+    let start = Instant::now();
+    while running.children.iter().any(|(_, pid)| lives(*pid)) {
+        assert!(start.elapsed() < Duration::from_secs(3), "{:?}", running.children);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_missing_program_is_named() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let alone = folder.path().join("marti");
+    fs::copy(env!("CARGO_BIN_EXE_marti"), &alone).expect("the manager can be copied");
+    let output = std::process::Command::new(&alone)
+        .args(["run", TEAPOT, "--out"])
+        .arg(folder.path().join("out"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the copy can be started");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("marti-bus and marti-display") && stderr.contains("cargo build --release"), "{stderr}");
+}
