@@ -308,6 +308,7 @@ pp 3
 
     #[test]
     fn without_entities_there_are_defaults() {
+        assert_eq!(read("b 0 0 1").map(|scene| scene.background), Ok(DVec3::Z));
         let scene = read("s 0 0 0 1#one\nf 1 0 0 1 0 1 0 1 s 1 1 1 1").expect("valid");
         assert_eq!(scene.materials[0], Material::WHITE);
         assert_eq!((scene.spheres[0].material, scene.spheres[1].material), (0, 1));
