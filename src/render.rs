@@ -41,11 +41,7 @@ pub struct Rendering {
 ///
 /// # Errors
 /// There is no memory for the image.
-pub fn render(
-    database: &Verified,
-    view: &View,
-    settings: Settings,
-) -> Result<Rendering, FrameBufferError> {
+pub fn render(database: &Verified, view: &View, settings: Settings) -> Result<Rendering, FrameBufferError> {
     let image = &view.image;
     let tiling = Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE };
     let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);

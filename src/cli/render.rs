@@ -111,13 +111,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     print(&text::summary(&report))
 }
 
-fn report(
-    source: String,
-    prepared: &Prepared,
-    rendering: &Rendering,
-    files: Vec<PathBuf>,
-    seconds: Seconds,
-) -> Report {
+fn report(source: String, prepared: &Prepared, rendering: &Rendering, files: Vec<PathBuf>, seconds: Seconds) -> Report {
     let stats = &rendering.stats;
     Report {
         schema_version: SCHEMA_VERSION,

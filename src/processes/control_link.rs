@@ -142,3 +142,64 @@ async fn forward<Command: Message>(receiver: &mut Receiver<Command>, commands: &
 async fn drain<Command: Message>(receiver: &mut Receiver<Command>) {
     while let Ok(Some(_)) = receiver.receive().await {}
 }
+
+#[cfg(test)]
+mod tests {
+    use std::net::Ipv4Addr;
+    use std::time::Instant;
+
+    use super::*;
+    use crate::ids::Epoch;
+    use crate::protocol::connection::Listener;
+    use crate::protocol::control::{BusCommand, BusReport};
+    use crate::protocol::hello::RunToken;
+
+    const PERIOD: Duration = Duration::from_millis(20);
+
+    #[tokio::test]
+    async fn signs_of_life_go_on_while_the_process_is_busy_and_its_last_words_arrive() {
+        let token = RunToken::new([1; 32]);
+        let mut manager = Listener::bind(Ipv4Addr::LOCALHOST.into(), token, |_, _| Ok(())).await.expect("loopback");
+        let bootstrap = Bootstrap {
+            role: Role::Bus,
+            epoch: Epoch(0),
+            token,
+            manager: manager.address(),
+            log: "unused".into(),
+            heartbeat_milliseconds: PERIOD.as_millis() as u64,
+        };
+        let busy = 20 * PERIOD;
+        let process = thread::spawn(move || {
+            let hello = Hello::new(bootstrap.role, bootstrap.epoch, bootstrap.token);
+            let mut link: ControlLink<BusCommand, BusReport> =
+                ControlLink::open(&bootstrap, &hello, BusReport::Heartbeat).expect("welcome");
+            let command = link.commands.blocking_recv();
+            thread::sleep(busy);
+            for i in 0..100 {
+                link.reports.blocking_send(BusReport::Incident(i.to_string())).expect("open");
+            }
+            let late = link.reports.clone();
+            let begin = Instant::now();
+            link.close();
+            assert!(begin.elapsed() < FAREWELL_DEADLINE, "the manager hangs up at once");
+            assert!(late.blocking_send(BusReport::Heartbeat).is_err());
+            command
+        });
+        let (_, connection) = manager.arrival().await.expect("well known");
+        let (mut sender, mut receiver) = connection.split::<BusCommand, BusReport>();
+        let finish = BusCommand::Finish { lost: Vec::new() };
+        sender.send(&finish).await.expect("awaited");
+        let (mut heartbeats, mut incidents) = (0, Vec::new());
+        while let Some(report) = receiver.receive_within(FAREWELL_DEADLINE).await.expect("whole frames") {
+            match report {
+                BusReport::Incident(incident) => incidents.push(incident),
+                _ => heartbeats += 1,
+            }
+        }
+        drop((sender, receiver));
+        assert_eq!(process.join().expect("no panic"), Some(finish));
+        assert_eq!(incidents, (0..100).map(|i| i.to_string()).collect::<Vec<_>>());
+        // Half of what an idle machine would send.
+        assert!(heartbeats >= 10, "{heartbeats} heartbeats");
+    }
+}

@@ -49,9 +49,21 @@ const CASES: &[Case] = &[
     ("nff: binary", &[("bad.nff", b"\x7fELF\x02\x01\x01\x00\x00\xff\xfe")], &["render", "bad.nff"]),
     ("nff: not UTF-8 within", &[("bad.nff", b"# fine\nb 0 0 \xff\n")], &["render", "bad.nff"]),
     ("nff: cut short in the view", &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0")], &["render", "bad.nff"]),
-    ("nff: eye at the target", &[("bad.nff", b"v\nfrom 1 1 1\nat 1 1 1\nup 0 1 0\nangle 45\nhither 1\nresolution 8 8\n")], &["render", "bad.nff"]),
-    ("nff: angle", &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 180\nhither 1\nresolution 8 8\n")], &["render", "bad.nff"]),
-    ("nff: resolution", &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 0 99999999\n")], &["render", "bad.nff"]),
+    (
+        "nff: eye at the target",
+        &[("bad.nff", b"v\nfrom 1 1 1\nat 1 1 1\nup 0 1 0\nangle 45\nhither 1\nresolution 8 8\n")],
+        &["render", "bad.nff"],
+    ),
+    (
+        "nff: angle",
+        &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 180\nhither 1\nresolution 8 8\n")],
+        &["render", "bad.nff"],
+    ),
+    (
+        "nff: resolution",
+        &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 0 99999999\n")],
+        &["render", "bad.nff"],
+    ),
     nff!("nff: unknown entity", "q 1 2 3\n"),
     nff!("nff: not a number", "s 0 zero 0 1\n"),
     nff!("nff: NaN", "s 0 nan 0 1\n"),
@@ -80,19 +92,46 @@ const CASES: &[Case] = &[
     topology!("topology: unknown key", "[scene]\nprocedural = \"gears\"\n[cluster]\nnods = 2\n"),
     topology!("topology: wrong type", "[scene]\nprocedural = \"gears\"\n[cluster]\nnodes = \"many\"\n"),
     topology!("topology: zero nodes", "[scene]\nprocedural = \"gears\"\n[cluster]\nnodes = 0\n"),
-    topology!("topology: tile larger than the image", "[scene]\nprocedural = \"gears\"\n[image]\nwidth = 32\nheight = 32\ntile = 64\n"),
-    topology!("topology: more than the database", "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nsize = \"9/8\"\n"),
+    topology!(
+        "topology: tile larger than the image",
+        "[scene]\nprocedural = \"gears\"\n[image]\nwidth = 32\nheight = 32\ntile = 64\n"
+    ),
+    topology!(
+        "topology: more than the database",
+        "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nsize = \"9/8\"\n"
+    ),
     topology!("topology: no memory", "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nsize = 0\n"),
-    topology!("topology: line not a power of two", "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nline = 48\n"),
-    topology!("topology: unknown replacement", "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nreplacement = \"lfu\"\n"),
+    topology!(
+        "topology: line not a power of two",
+        "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nline = 48\n"
+    ),
+    topology!(
+        "topology: unknown replacement",
+        "[scene]\nprocedural = \"gears\"\n[cluster.local_memory]\nreplacement = \"lfu\"\n"
+    ),
     topology!("topology: unknown scene", "[scene]\nprocedural = \"bunny\"\n"),
     topology!("topology: two scenes", "[scene]\nprocedural = \"gears\"\nfile = \"a.nff\"\n"),
-    topology!("topology: camera not a number", "[scene]\nfile = \"a.obj\"\n[camera]\nfrom = [0, 0, nan]\nat = [0, 0, 0]\nup = [0, 1, 0]\nangle = 45\n"),
+    topology!(
+        "topology: camera not a number",
+        "[scene]\nfile = \"a.obj\"\n[camera]\nfrom = [0, 0, nan]\nat = [0, 0, 0]\nup = [0, 1, 0]\nangle = 45\n"
+    ),
     topology!("topology: a later version", "[topology]\nversion = 2\n[scene]\nprocedural = \"gears\"\n"),
     ("topology: binary", &[("bad.toml", b"\x00\x01\x02\xff")], &["check", "bad.toml"]),
-    ("override: unknown key", &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")], &["check", "good.toml", "--set", "cluster.nod=3"]),
-    ("override: zero nodes", &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")], &["check", "good.toml", "--set", "cluster.nodes=0"]),
-    ("override: without a value", &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")], &["check", "good.toml", "--set", "cluster.nodes"]),
+    (
+        "override: unknown key",
+        &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")],
+        &["check", "good.toml", "--set", "cluster.nod=3"],
+    ),
+    (
+        "override: zero nodes",
+        &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")],
+        &["check", "good.toml", "--set", "cluster.nodes=0"],
+    ),
+    (
+        "override: without a value",
+        &[("good.toml", b"[scene]\nprocedural = \"gears\"\n")],
+        &["check", "good.toml", "--set", "cluster.nodes"],
+    ),
     ("command line: nothing", &[], &[]),
     ("command line: unknown command", &[], &["rendre", "teapot"]),
     ("command line: unknown option", &[], &["render", "teapot", "--colour"]),
@@ -131,7 +170,11 @@ fn every_bad_input_gets_a_clear_error_and_exit_2() {
         std::fs::write(&golden, &printed).expect("the golden file can be written");
     }
     let expected = std::fs::read_to_string(&golden).unwrap_or_default();
-    assert!(printed == expected, "what is printed is not what {} has; MARTI_UPDATE=1 writes it anew:\n{printed}", golden.display());
+    assert!(
+        printed == expected,
+        "what is printed is not what {} has; MARTI_UPDATE=1 writes it anew:\n{printed}",
+        golden.display()
+    );
 }
 
 /// A file that claims much and holds little costs neither time nor memory: here 64 MB of one token.

@@ -54,7 +54,8 @@ fn send(port: u16, bytes: &[u8]) -> (String, Duration) {
     let _ = stream.write_all(bytes);
     let mut answer = Vec::new();
     let ended = stream.read_to_end(&mut answer);
-    let timed_out = ended.is_err_and(|e| matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut));
+    let timed_out =
+        ended.is_err_and(|e| matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut));
     assert!(!timed_out, "still connected after {PATIENCE:?}");
     let said = match answer.get(4..).map(codec::decode::<HelloReply>) {
         Some(Ok((HelloReply::Refused(why), _))) => format!("refused: {why}"),

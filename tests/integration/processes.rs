@@ -21,9 +21,9 @@ pub(crate) fn children(parent: u32, count: usize, patience: Duration) -> Vec<(St
 }
 
 fn children_now(parent: u32) -> Vec<(String, u32)> {
-    let pids = fs::read_dir("/proc").expect("Linux has /proc").filter_map(|entry| {
-        entry.ok()?.file_name().to_str()?.parse::<u32>().ok()
-    });
+    let pids = fs::read_dir("/proc")
+        .expect("Linux has /proc")
+        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse::<u32>().ok());
     let mut found: Vec<(String, u32)> = pids
         .filter_map(|pid| {
             // "pid (name) state ppid …"

@@ -25,12 +25,15 @@ const COMMANDS_MAX: usize = 64;
 /// How often to look at what no event tells, while there is such.
 const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
+/// For the master and the nodes to leave once the end was told.
+const LEAVE_DEADLINE: Duration = Duration::from_millis(500);
+
 /// From the process to its loop.
 #[derive(Debug)]
 pub enum Command {
     /// A peer whose hello was accepted. It takes the place of its predecessor.
     Admit(Peer, std::net::TcpStream),
-    /// Serve what has arrived, then end.
+    /// Serve what comes until all but the loader have left, half a second at most, then end.
     Finish { lost: Vec<LostAttempt> },
 }
 
@@ -141,22 +144,7 @@ impl MemoryLoop {
     pub fn run(mut self) -> Result<Option<BusTotals>, LoopError> {
         let mut events = Events::with_capacity(EVENTS_MAX);
         loop {
-            let timeout = self.timeout();
-            match self.poll.poll(&mut events, timeout) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                polled => polled?,
-            }
-            let mut told = false;
-            for event in &events {
-                match event.token() {
-                    WAKE => told = true,
-                    Token(slot) => self.wake(slot),
-                }
-            }
-            self.serve()?;
-            if timeout.is_some() {
-                self.drop_stuck();
-            }
+            let told = self.turn(&mut events, self.timeout())?;
             if events.is_empty() {
                 self.recording.flush()?;
                 self.unflushed = false;
@@ -165,10 +153,31 @@ impl MemoryLoop {
                 match self.obey() {
                     Obeyed::On => self.serve()?,
                     Obeyed::Abandoned => return Ok(None),
-                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&lost)?)),
+                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&mut events, &lost)?)),
                 }
             }
         }
+    }
+
+    /// Waits for sockets and serves those that are ready. `true`: there are commands.
+    fn turn(&mut self, events: &mut Events, timeout: Option<Duration>) -> Result<bool, LoopError> {
+        match self.poll.poll(events, timeout) {
+            // There are no events then.
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => events.clear(),
+            polled => polled?,
+        }
+        let mut told = false;
+        for event in events.iter() {
+            match event.token() {
+                WAKE => told = true,
+                Token(slot) => self.wake(slot),
+            }
+        }
+        self.serve()?;
+        if timeout.is_some() {
+            self.drop_stuck();
+        }
+        Ok(told)
     }
 
     /// The next look at what no event tells: peers that do not read, rows that wait for more rows.
@@ -326,10 +335,14 @@ impl MemoryLoop {
         Some(client)
     }
 
-    /// What was sent before the end is in the sockets already, whatever order the loop heard of it.
-    fn finish(mut self, lost: &[LostAttempt]) -> Result<BusTotals, LoopError> {
-        (0..self.clients.len()).for_each(|slot| self.wake(slot));
+    /// What was sent before the end may still be in the senders' sockets, where TCP holds it back until earlier
+    /// data are acknowledged: it is whole when they have left.
+    fn finish(mut self, events: &mut Events, lost: &[LostAttempt]) -> Result<BusTotals, LoopError> {
+        let late = Instant::now() + LEAVE_DEADLINE;
         self.serve()?;
+        while self.clients.iter().skip(1).any(Option::is_some) && Instant::now() < late {
+            self.turn(events, Some(LOOK_PERIOD))?;
+        }
         let wire_bytes = self.wire_bytes + self.clients.iter().flatten().map(|client| client.wire_bytes).sum::<u64>();
         let log = self.recording.finish()?;
         Ok(BusTotals { wire_bytes, log_rows: log.rows, log_waits: log.waits, ..self.state.totals(lost) })

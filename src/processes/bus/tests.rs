@@ -162,6 +162,7 @@ fn lines_and_ranges_come_as_they_were_stored() {
     let (_, data) = ask(&mut node, &range, &[]).expect("good");
     assert!(data == image[4096..4096 + BULK_BYTES_MAX as usize]);
 
+    drop(node);
     let lost = LostAttempt { node: NodeId(0), tile: TileId(0), attempt: Attempt(0) };
     let (totals, folder) = bus.finish(vec![lost]);
     assert_eq!((totals.fetches, totals.fetched_bytes), (2, 128 + 32 * 256));
@@ -200,6 +201,7 @@ fn messages_that_are_not_answered_count_even_when_the_end_follows_at_once() {
         let (node, tile, attempt) = (NodeId(0), TileId(tile), Attempt(0));
         master.send(&MemoryRequest::Job { node, tile, attempt, bytes: 4 }, &[]).expect("open");
     }
+    drop(master);
     let (totals, _) = bus.finish(Vec::new());
     assert_eq!((totals.message_bytes, totals.log_rows), (800, 200));
 }
