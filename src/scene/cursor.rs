@@ -11,7 +11,7 @@ pub(super) struct Cursor<'a> {
     at: usize,
 }
 
-/// Bytes between blanks, and where they start.
+/// Bytes between blanks (or before a comment), and where they start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Word<'a> {
     pub(super) at: usize,
@@ -89,7 +89,7 @@ impl<'a> Cursor<'a> {
     fn take_word(&mut self) -> Word<'a> {
         let at = self.at;
         let rest = &self.source.bytes[at..];
-        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        let length = rest.iter().position(|b| b.is_ascii_whitespace() || *b == b'#').unwrap_or(rest.len());
         self.at += length;
         Word { at, bytes: &rest[..length] }
     }

@@ -74,6 +74,7 @@ impl Reader<'_> {
                 b"l" => self.light(keyword)?,
                 b"v" => self.view(keyword)?,
                 b"b" => self.scene.background = self.cursor.triple(&COLOUR)?,
+                // A file that says nothing is none.
                 b"" if self.scene != Scene::default() => return Ok(()),
                 _ => return Err(self.cursor.error(keyword, format_args!(", expected v, b, l, f, s, c, p, pp or #"))),
             }
@@ -308,7 +309,7 @@ pp 3
     #[test]
     fn without_entities_there_are_defaults() {
         assert_eq!(read("b 0 0 1").map(|scene| scene.background), Ok(DVec3::Z));
-        let scene = read("s 0 0 0 1 f 1 0 0 1 0 1 0 1 s 1 1 1 1").expect("valid");
+        let scene = read("s 0 0 0 1#one\nf 1 0 0 1 0 1 0 1 s 1 1 1 1").expect("valid");
         assert_eq!(scene.materials[0], Material::WHITE);
         assert_eq!((scene.spheres[0].material, scene.spheres[1].material), (0, 1));
     }
@@ -317,6 +318,8 @@ pp 3
     fn mistakes_are_told_with_their_place() {
         let lights = "l 0 0 0\n".repeat(LIGHTS_MAX + 1);
         let table: &[(&[u8], &str)] = &[
+            (b"", "1:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
+            (b"# only a comment\n", "2:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
             (b"x 1", "1:1: \"x\", expected v, b, l, f, s, c, p, pp or #"),
             (b"s 0 0 0 1 2", "1:11: \"2\", expected v, b, l, f, s, c, p, pp or #"),
             (

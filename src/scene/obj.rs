@@ -2,7 +2,7 @@
 //!
 //! `tobj` does not say where a mistake is, panics on some, and takes others for something else (a line of
 //! three points for a triangle, a missing normal for the one before). So every file is first checked
-//! line by line, in [`statements`] and [`mtl`], and `tobj` gets what it reads well.
+//! line by line, in `statements` and `mtl`, and `tobj` gets what it reads well.
 //!
 //! Polygons stay polygons. Groups and objects have no meaning for a scene; texture coordinates, points,
 //! lines and free-form curves are left out. OBJ has neither a camera nor lights.
