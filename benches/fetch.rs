@@ -21,6 +21,8 @@ use marti::protocol::hello::{Hello, Role, RunToken};
 use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::recording::{Metadata, Writer};
 use marti::topology::Arbiter;
+use nix::sched::{CpuSet, sched_setaffinity};
+use nix::unistd::Pid;
 
 const LINE_BYTES: usize = 64;
 const ROUNDS: usize = 60;
@@ -29,6 +31,21 @@ const TOKEN: RunToken = RunToken::new([1; 32]);
 const DEADLINE: Duration = Duration::from_secs(5);
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let (request_bytes, reply_bytes) = frame_bytes()?;
+    println!("{ROUNDS} rounds of {TRIPS_PER_ROUND} trips, {request_bytes} bytes there, {reply_bytes} back; medians:");
+    let processors = thread::available_parallelism()?.get();
+    compare("on one processor", 0, 0)?;
+    if processors > 1 {
+        compare("on two processors", 0, 1)?;
+    }
+    Ok(())
+}
+
+/// Where the scheduler puts the two ends decides more than anything else, and it need not choose alike for both:
+/// so they are pinned, both the same way.
+fn compare(placement: &str, client: usize, server: usize) -> Result<(), Box<dyn Error>> {
+    // Threads inherit where they may run: the servers stay here.
+    pin(server)?;
     let folder = tempfile::tempdir()?;
     // One granule short of 1 MiB is as good as any: the bus does not cache.
     let layout = Layout::new([(1 << 18) - 64, 0, 0, 0, 0, 0, 0, 0])?;
@@ -38,10 +55,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         layout: layout.clone(),
         recording: folder.path().to_owned(),
     })?;
+    let (request_bytes, reply_bytes) = frame_bytes()?;
+    let pong = start_pong(request_bytes, reply_bytes)?;
+    pin(client)?;
     store(bus, layout.image_bytes())?;
     let mut lines = BusLines::connect(bus, &hello(Role::Node(NodeId(0))))?;
-    let (request_bytes, reply_bytes) = frame_bytes()?;
-    let mut raw = TcpStream::connect(start_pong(request_bytes, reply_bytes)?)?;
+    let mut raw = TcpStream::connect(pong)?;
     raw.set_nodelay(true)?;
 
     let (request, mut reply) = (vec![1; request_bytes], vec![0; reply_bytes]);
@@ -57,11 +76,20 @@ fn main() -> Result<(), Box<dyn Error>> {
         })?);
     }
     let (fetch, ping) = (median(&mut fetches), median(&mut pings));
-    println!("{ROUNDS} rounds of {TRIPS_PER_ROUND} trips, {request_bytes} bytes there, {reply_bytes} back; medians:");
-    println!("raw ping-pong     {:8.2} us", ping / 1e3);
-    println!("fetch of a line   {:8.2} us", fetch / 1e3);
-    println!("ratio             {:8.2}", fetch / ping);
+    println!(
+        "{placement:18} raw ping-pong {:6.2} us, fetch of a line {:6.2} us, ratio {:.2}",
+        ping / 1e3,
+        fetch / 1e3,
+        fetch / ping
+    );
     Ok(())
+}
+
+/// This thread, and those it starts from now on, run on one processor only.
+fn pin(processor: usize) -> nix::Result<()> {
+    let mut set = CpuSet::new();
+    set.set(processor)?;
+    sched_setaffinity(Pid::from_raw(0), &set)
 }
 
 fn nanoseconds_a_trip(mut trip: impl FnMut(u32) -> Result<(), Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {

@@ -1,5 +1,5 @@
 //! The octree ray tracer. Pure: no sockets, no clock, no entropy; every read of the database goes
-//! through a [`MemoryPort`](memory_port::MemoryPort).
+//! through a [`MemoryPort`].
 
 pub mod hit;
 pub mod memory_port;

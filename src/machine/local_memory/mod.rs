@@ -419,7 +419,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn records_are_the_images_and_counts_the_directorys(
+        fn records_are_the_images_and_counts_those_of_the_directory(
             shift in 4u32..=8,
             share in 1u32..=40,
             ways in prop::option::of(prop::sample::select(vec![1, 2, 3, 4, 16])),

@@ -1,6 +1,6 @@
 //! The display: puts tiles together, acknowledges them, writes the image.
 //!
-//! [`state`] decides; this shell moves pixels from the nodes to it and the frame to files.
+//! `state` decides; this shell moves pixels from the nodes to it and the frame to files.
 
 mod state;
 

@@ -1,7 +1,7 @@
 //! The manager: prepares the scene, starts the other processes, watches them, gives out the tiles, and tells
 //! what came of it.
 //!
-//! [`state`] decides, [`shell`] moves messages and processes; [`ending`] is the way to the end.
+//! `state` decides, `shell` moves messages and processes; `ending` is the way to the end.
 
 mod children;
 mod closing;

@@ -1,6 +1,6 @@
 //! The master: owns its cluster's job queue, hands tiles to the nodes that ask, tells what became of them.
 //!
-//! [`state`] decides; this shell moves messages: commands of the manager, requests of nodes, and the modelled
+//! `state` decides; this shell moves messages: commands of the manager, requests of nodes, and the modelled
 //! jobs to the bus.
 
 mod seat;
