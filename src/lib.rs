@@ -15,6 +15,7 @@ pub mod image_file;
 pub mod machine;
 pub mod preparation;
 pub mod processes;
+pub mod progress;
 pub mod protocol;
 pub mod recording;
 pub mod render;

@@ -3,7 +3,7 @@
 
 use std::convert::Infallible;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use nix::time::{ClockId, clock_gettime};
@@ -11,7 +11,9 @@ use nix::time::{ClockId, clock_gettime};
 use crate::database::verify::Verified;
 use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
+use crate::progress::Status;
 use crate::tracer::slices::Slices;
+use crate::tracer::view::ImageSettings;
 use crate::tracer::{AovSet, TileTracer, Tiling, TraceStats, View};
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
@@ -37,15 +39,20 @@ pub struct Rendering {
     pub cpu: Duration,
 }
 
-/// Renders `view` of a database.
+/// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
 ///
 /// # Errors
 /// There is no memory for the image.
-pub fn render(database: &Verified, view: &View, settings: Settings) -> Result<Rendering, FrameBufferError> {
+pub fn render(
+    database: &Verified,
+    view: &View,
+    settings: Settings,
+    on_tile: impl Fn(&Status) + Sync,
+) -> Result<Rendering, FrameBufferError> {
     let image = &view.image;
-    let tiling = Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE };
+    let tiling = tiling(image);
     let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
-    let next = AtomicU32::new(0);
+    let (next, done, rays) = (AtomicU32::new(0), AtomicU32::new(0), AtomicU64::new(0));
     let start = Instant::now();
     let worker = || {
         let cpu_at_start = thread_cpu();
@@ -55,8 +62,16 @@ pub fn render(database: &Verified, view: &View, settings: Settings) -> Result<Re
         while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
             let Ok::<_, Infallible>((pixels, counts)) = tracer.trace(&mut port, rect, settings.aov);
             stats.add(&counts);
+            rays.fetch_add(counts.all_rays(), Ordering::Relaxed);
             let mut whole = frame.lock().expect("no thread panics while it holds the frame");
             whole.blit(rect, &pixels).expect("a tile of this very image");
+            drop(whole);
+            on_tile(&Status {
+                tiles_done: done.fetch_add(1, Ordering::Relaxed) + 1,
+                tiles: tiling.tile_count(),
+                rays: rays.load(Ordering::Relaxed),
+                elapsed: Some(start.elapsed()),
+            });
         }
         (stats, thread_cpu().saturating_sub(cpu_at_start))
     };
@@ -71,6 +86,15 @@ pub fn render(database: &Verified, view: &View, settings: Settings) -> Result<Re
     });
     let wall = start.elapsed();
     Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
+}
+
+/// How many tiles [`render`] cuts an image into.
+pub fn tile_count(image: &ImageSettings) -> u32 {
+    tiling(image).tile_count()
+}
+
+fn tiling(image: &ImageSettings) -> Tiling {
+    Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE }
 }
 
 /// Processor time of the calling thread; zero where the host does not tell.

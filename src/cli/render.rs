@@ -1,6 +1,7 @@
 //! `marti render SCENE`
 
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 
@@ -9,8 +10,9 @@ use clap::{Args, value_parser};
 use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
 use super::{Failure, print};
 use crate::preparation::{self, Fallback, Prepared};
+use crate::progress::{Progress, Status};
 use crate::render::{self, Rendering, Settings};
-use crate::report::{self, Report, SCHEMA_VERSION, Seconds, Status, json, text};
+use crate::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use crate::scene::Camera;
 use crate::topology::value::{Cutoff, Depth};
 use crate::topology::{Octree, SceneSource};
@@ -47,6 +49,9 @@ pub struct RenderArguments {
     mailbox: Switch,
     #[command(flatten)]
     pub planes: OutputOptions,
+    /// Print no progress and no summary
+    #[arg(long, short)]
+    quiet: bool,
     /// Also write a report as JSON (docs/report.md)
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -84,8 +89,16 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), mailbox: octree.mailbox };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
     let rendering = loop {
-        let rendering = render::render(&prepared.database, &prepared.view, settings)
+        let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
+        let show = |status: &Status| {
+            // One thread that shows is enough; the others go on tracing.
+            if let Ok(mut progress) = progress.try_lock() {
+                progress.show(status);
+            }
+        };
+        let rendering = render::render(&prepared.database, &prepared.view, settings, show)
             .map_err(|error| Failure::failed(error.to_string()))?;
+        progress.into_inner().unwrap_or(Progress::Quiet).clear();
         walls.push(rendering.wall);
         cpus.push(rendering.cpu);
         if walls.len() == arguments.repeat as usize {
@@ -108,7 +121,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
     }
-    print(&text::summary(&report))
+    if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) }
 }
 
 fn report(source: String, prepared: &Prepared, rendering: &Rendering, files: Vec<PathBuf>, seconds: Seconds) -> Report {
@@ -116,7 +129,7 @@ fn report(source: String, prepared: &Prepared, rendering: &Rendering, files: Vec
     Report {
         schema_version: SCHEMA_VERSION,
         build: env!("CARGO_PKG_VERSION").to_owned(),
-        status: Status::Done,
+        status: report::Status::Done,
         error: None,
         scene: report::Scene::new(source, &prepared.database),
         image: report::Image {

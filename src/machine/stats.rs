@@ -77,6 +77,14 @@ impl MemoryStats {
         total
     }
 
+    /// Of one section, all ray kinds and levels.
+    pub fn section(&self, section: Section) -> Counters {
+        let mut total = Counters::default();
+        let classes = self.counters.iter().flat_map(|kinds| kinds.iter().enumerate());
+        classes.filter(|(class, _)| class_section(*class) == section).for_each(|(_, c)| total.add(c));
+        total
+    }
+
     /// 32-bit words that the tracer read: every record access reads the whole record.
     pub fn words_read(&self) -> u64 {
         let words = |class: usize| class_section(class).record_bytes() / 4;

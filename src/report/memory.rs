@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ratio;
 use crate::database::Section;
-use crate::machine::stats::{Counters, MemoryStats, class_section, octree_class};
+use crate::machine::stats::{Counters, MemoryStats, octree_class};
 use crate::tracer::RayKind;
 use crate::tracer::stats::LEVELS;
 
@@ -142,8 +142,7 @@ fn sum(stats: &MemoryStats, chosen: impl Fn(RayKind, usize) -> bool) -> Counts {
 }
 
 fn by_section(stats: &MemoryStats) -> Vec<SectionCounts> {
-    let counts = |section| sum(stats, |_, class| class_section(class) == section);
-    Section::ALL.into_iter().map(|section| SectionCounts { section, counts: counts(section) }).collect()
+    Section::ALL.into_iter().map(|section| SectionCounts { section, counts: stats.section(section).into() }).collect()
 }
 
 fn by_octree_level(stats: &MemoryStats) -> Vec<LevelCounts> {

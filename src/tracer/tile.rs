@@ -41,7 +41,7 @@ impl Tiling {
     }
 
     pub fn tile_count(self) -> u32 {
-        self.columns() * self.height.div_ceil(self.tile_height)
+        self.columns().saturating_mul(self.height.div_ceil(self.tile_height))
     }
 
     /// Column and row of a tile.

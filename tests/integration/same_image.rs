@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::command::{TEAPOT, number, read_report, report_of, run, stderr};
+use crate::command::{TEAPOT, marti, number, read_report, report_of, run, stderr};
 
 fn sha256(report: &Value) -> String {
     report["image"]["sha256"].as_str().expect("a report has the image's hash").to_owned()
@@ -101,4 +101,19 @@ fn interleaved_counts_are_reproducible() {
         }
     }
     assert_eq!(first, second);
+}
+
+/// The planes of the first hits are the same from one process and from many.
+#[test]
+fn planes_of_first_hits_are_the_same_from_one_process_and_from_many() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let aov = "depth,normal,primitive";
+    render(out.path(), &["--aov", aov]);
+    let output = marti().args(["run", TEAPOT, "--quiet", "--aov", aov, "--out"]).arg(out.path().join("run")).output();
+    let output = output.expect("marti can be started");
+    assert!(output.status.success(), "{}", stderr(&output));
+    for plane in ["t.npy", "n.npy", "prim.npy"] {
+        let read = |name: String| std::fs::read(out.path().join(&name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(read(format!("render.{plane}")) == read(format!("run/image.{plane}")), "{plane}");
+    }
 }

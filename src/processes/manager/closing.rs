@@ -10,7 +10,7 @@ use crate::ids::NodeId;
 use crate::machine::local_memory::Geometry;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
-use crate::report::conservation::{Books, Conservation};
+use crate::report::conservation::{Books, Conservation, NodeBook};
 use crate::report::{
     Bus, Image, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests, Tiles,
 };
@@ -87,7 +87,7 @@ pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
         nodes: nodes(state, line_bytes),
         memory: (!counted.is_empty()).then(|| {
             let mut all = MemoryStats::default();
-            counted.iter().for_each(|(_, stats)| all.add(stats));
+            counted.iter().for_each(|book| all.add(&book.memory));
             Memory::new(&all, line_bytes, facts.local_bytes)
         }),
         bus: ledger.bus.map(|bus| Bus {
@@ -121,9 +121,12 @@ fn status(cause: Option<&Cause>) -> (Status, Option<String>) {
 }
 
 /// The nodes that counted accesses.
-fn counted(state: &State) -> Vec<(NodeId, MemoryStats)> {
+fn counted(state: &State) -> Vec<NodeBook> {
     let accounts = state.ledger.nodes.iter().enumerate();
-    accounts.filter_map(|(node, account)| Some((NodeId(node as u16), account.memory.clone()?))).collect()
+    let book = accounts.filter_map(|(node, account)| {
+        Some(NodeBook { node: NodeId(node as u16), trace: account.trace.clone(), memory: account.memory.clone()? })
+    });
+    book.collect()
 }
 
 fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
@@ -137,7 +140,7 @@ fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
 }
 
 /// `None` when bus or master did not live to close its books.
-fn conservation(state: &State, nodes: &[(NodeId, MemoryStats)], line_bytes: u32) -> Option<Conservation> {
+fn conservation(state: &State, nodes: &[NodeBook], line_bytes: u32) -> Option<Conservation> {
     let (ledger, queue) = (&state.ledger, &state.queue);
     Some(Conservation::of(&Books {
         nodes,

@@ -33,6 +33,7 @@ pub(super) struct Ledger {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Account {
     pub(super) tiles: u64,
+    pub(super) trace: TraceStats,
     /// `None` until a tile brings counts: a node that holds all of the database has none.
     pub(super) memory: Option<MemoryStats>,
 }
@@ -49,6 +50,7 @@ impl Ledger {
         self.render_cpu_nanoseconds += done.render_cpu_nanoseconds;
         let Some(account) = self.nodes.get_mut(usize::from(node.0)) else { return };
         account.tiles += 1;
+        account.trace.add(&done.trace);
         if let Some(memory) = &done.memory {
             account.memory.get_or_insert_default().add(memory);
         }

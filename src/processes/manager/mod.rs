@@ -14,7 +14,6 @@ mod output_folder;
 mod plan;
 mod process;
 mod process_table;
-mod progress;
 mod shell;
 mod state;
 mod tile_order;

@@ -13,11 +13,11 @@ use super::children::Children;
 use super::control_port::ControlPort;
 use super::executables::Executables;
 use super::plan::Plan;
-use super::progress::Progress;
 use super::state::{Action, Event, State};
 use super::upload::upload;
 use super::{Interrupt, RunError};
 use crate::ids::Epoch;
+use crate::progress::{Progress, Status};
 use crate::protocol::hello::{Hello, Role, RunToken};
 
 /// How often deadlines are looked at.
@@ -36,6 +36,17 @@ pub(super) struct Run {
     pub(super) words: Arc<Vec<u32>>,
     /// No progress.
     pub(super) quiet: bool,
+}
+
+fn status(state: &State) -> Status {
+    let (tiles, missing) = (state.queue.total(), state.queue.missing());
+    let end = if missing == 0 { state.ledger.last_tile.unwrap_or(state.now) } else { state.now };
+    Status {
+        tiles_done: tiles - missing,
+        tiles,
+        rays: state.ledger.trace.all_rays(),
+        elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
+    }
 }
 
 /// The state's hands.
@@ -74,7 +85,7 @@ impl Run {
                 Some(event) = events.recv() => event,
                 event = shell.port.arrival() => event,
                 _ = tick.tick() => {
-                    progress.show(&state);
+                    progress.show(&status(&state));
                     Event::Tick
                 }
             };
@@ -84,7 +95,7 @@ impl Run {
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
         }
-        progress.finish(&state);
+        progress.finish(&status(&state));
         Ok(state)
     }
 }
