@@ -100,6 +100,7 @@ pub async fn accept(
         };
         let reply = match &hello {
             Ok(_) => HelloReply::Welcome,
+            Err(Fault::Refused(why)) => HelloReply::Refused(why.clone()),
             Err(fault) => HelloReply::Refused(fault.to_string()),
         };
         let answered = write_frame(&mut connection.writer, &codec::encode(&reply, &[])?, deadline).await;
