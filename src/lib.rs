@@ -13,6 +13,7 @@ pub mod database;
 pub mod ids;
 pub mod image_file;
 pub mod machine;
+pub mod oracle;
 pub mod preparation;
 pub mod processes;
 pub mod progress;

@@ -94,7 +94,10 @@ pub fn prepare_topology(topology: &Topology) -> Result<Prepared, PreparationErro
 }
 
 /// The scene's own camera, lights and background; else the fallback's; else what shows all of it.
-fn view(
+///
+/// # Errors
+/// What `image` finds wrong.
+pub fn view(
     scene: &Scene,
     fallback: &Fallback,
     image: impl FnOnce(&Camera) -> Result<ImageSettings, String>,

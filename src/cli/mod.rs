@@ -9,6 +9,7 @@ pub mod render;
 pub mod run;
 pub mod scene;
 pub mod schema;
+pub mod verify;
 
 use std::io::{self, ErrorKind, Write};
 
@@ -31,6 +32,7 @@ enum Command {
     Scene(scene::SceneArguments),
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
+    Verify(verify::VerifyArguments),
     Schema(schema::SchemaArguments),
 }
 
@@ -44,6 +46,7 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Verify(arguments) => verify::verify(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
         }
     }
@@ -87,6 +90,7 @@ mod tests {
             "marti scene gears --size 4 -o gears4.nff",
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
             "marti check t.toml --set scene.file=a.nff",
+            "marti verify teapot:12 --rays 1000 --seed 7 --scale 1e-12 --translate -1e6 --json",
             "marti schema topology",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).expect_err("refused"));
@@ -116,6 +120,8 @@ mod tests {
             ("marti render a.nff --max-depth 21", "expected an integer from 0 to 20"),
             ("marti render a.nff --mailbox maybe", "possible values: on, off"),
             ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
+            ("marti verify gears --scale 0", "expected a positive number"),
+            ("marti verify gears --translate inf", "expected a finite number"),
             ("marti scene torus", "expected gears, teapot, balls or tetra"),
             ("marti scene gears --size -1", "unexpected argument"),
             ("marti schema report", "possible values: topology"),

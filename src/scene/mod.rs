@@ -5,6 +5,7 @@ mod cursor;
 pub mod load;
 pub mod nff;
 pub mod obj;
+pub mod placement;
 pub mod procedural;
 pub(crate) mod source;
 pub mod source_error;
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 pub use camera::Camera;
 pub use load::load;
+pub use placement::Placement;
 pub use source_error::SourceError;
 
 /// What a scene file holds. Every number is finite; every index is in range.

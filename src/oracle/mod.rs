@@ -1,0 +1,16 @@
+//! The oracle: what a ray hits, told without the octree and without the tracer's arithmetic. Slow and exact; the
+//! tracer is held against it by tests and by `marti verify`.
+//!
+//! It reads the rounded records of a database and takes the rounded ray, both exact in f64: how far rounding moved
+//! a surface is not its question.
+
+pub mod brute_force;
+pub mod curved;
+pub mod determinant;
+pub mod rays;
+pub mod triangle;
+pub mod verification;
+
+pub use brute_force::{Answer, BruteForce, Verdict};
+pub use rays::AimedAt;
+pub use verification::{Verification, verify};
