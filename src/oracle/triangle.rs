@@ -1,7 +1,8 @@
 //! Ray and triangle, exactly: by the sides on which the ray passes the three edges.
 
-use super::determinant::{ExactSum, add_side, side, volume};
+use super::determinant::{side, volume_sign};
 use crate::database::records::Triangle;
+use crate::tracer::primitives::exact::{ExactSum, add_side, volume};
 use crate::tracer::ray::Ray;
 
 /// Where the ray hits the triangle: its edges and vertices belong to it; one without area, and one in whose plane
@@ -26,8 +27,10 @@ pub fn hit(ray: &Ray, triangle: &Triangle) -> Option<f64> {
     for (from, to) in edges {
         add_side(&mut slope, origin, direction, from, to);
     }
-    let t = volume(origin, [a, b, c]) / slope.value();
-    (t >= 0.0).then_some(t)
+    // Passing on the positive side of the edges, the ray meets the plane ahead if the volume is positive too.
+    let ahead = volume_sign(origin, [a, b, c]);
+    let behind = if sides & 0b100 != 0 { ahead < 0 } else { ahead > 0 };
+    (!behind).then(|| (volume(origin, [a, b, c]) / slope.value()).max(0.0))
 }
 
 #[cfg(test)]

@@ -2,5 +2,6 @@
 //! depend on who asks. No fused multiply-add anywhere.
 
 pub mod cone;
+pub mod exact;
 pub mod sphere;
 pub mod triangle;

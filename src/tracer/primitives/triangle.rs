@@ -2,8 +2,10 @@
 //!
 //! S. Woop, C. Benthin, I. Wald, *Watertight Ray/Triangle Intersection*, JCGT 2(1), 2013. Two triangles that
 //! share an edge compute the very same edge function with opposite sign, so no ray slips through between.
-//! Decided in f64; most triangles that are no hit are told by a bound in f32 before.
+//! Decided in f64 where its rounding cannot matter, exactly where it could; most triangles that are no hit are
+//! told by a bound in f32 before.
 
+use super::exact::{ExactSum, add_side, volume};
 use crate::database::records::Triangle;
 use crate::tracer::ray::Ray;
 
@@ -16,6 +18,7 @@ pub struct Shear {
     shear: [f64; 3],
     origin_f32: [f32; 3],
     shear_f32: [f32; 2],
+    direction_f32: [f32; 3],
 }
 
 /// Where a triangle is hit.
@@ -39,6 +42,15 @@ impl Shear {
     /// that no intermediate exceeds 4; there are five roundings of 2⁻²⁴ of it or less, the shear's among them.
     const COORDINATE_ERROR: f32 = 20.0 / (1 << 24) as f32;
 
+    /// The same in f64.
+    const COORDINATE_ERROR_F64: f64 = 20.0 / (1u64 << 53) as f64;
+
+    /// Relative error of a sum of three products of weights and distances.
+    const DISTANCE_ERROR: f64 = 16.0 / (1u64 << 53) as f64;
+
+    /// `t` is taken from f64 only if it is known to so many parts, the precision of f32.
+    const PRECISION: f64 = (1 << 24) as f64;
+
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let d = ray.direction;
@@ -54,6 +66,7 @@ impl Shear {
             shear,
             origin_f32: origin,
             shear_f32: [shear[0] as f32, shear[1] as f32],
+            direction_f32: [d[x], d[y], d[z]],
         }
     }
 
@@ -93,13 +106,55 @@ impl Shear {
         let u = c[0] * b[1] - c[1] * b[0];
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
-        // Either orientation; written so that NaN is no hit.
-        if !((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)) {
+        let error = Self::edge_function_error(a, b, c);
+        let (least, most) = (u.min(v).min(w), u.max(v).max(w));
+        if least < -error && most > error {
             return None;
         }
         let determinant = u + v + w;
-        let t = (u * a[2] + v * b[2] + w * c[2]) * self.shear[2] / determinant;
-        (determinant != 0.0 && t >= 0.0).then_some(TriangleHit { t, edge_functions: [u, v, w] })
+        let along = u * a[2] + v * b[2] + w * c[2];
+        // The weights' errors move t by how far apart the vertices lie along the ray; those of the distances
+        // and of their sum are relative to the largest.
+        let farthest = a[2].abs().max(b[2].abs()).max(c[2].abs());
+        let spread = a[2].max(b[2]).max(c[2]) - a[2].min(b[2]).min(c[2]);
+        let along_error = 3.0 * error * spread + Self::DISTANCE_ERROR * farthest * determinant.abs();
+        // Written so that NaN is decided exactly.
+        if !((least > error || most < -error) && along.abs() > Self::PRECISION * along_error) {
+            return self.decide_exactly(triangle);
+        }
+        let t = along * self.shear[2] / determinant;
+        (t >= 0.0).then_some(TriangleHit { t, edge_functions: [u, v, w] })
+    }
+
+    /// As the bound in f32, of three vertices sheared in f64.
+    #[inline(always)]
+    fn edge_function_error(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> f64 {
+        let magnitude = (a[0].abs() + a[1].abs()) + (b[0].abs() + b[1].abs()) + (c[0].abs() + c[1].abs());
+        2.0 * Self::COORDINATE_ERROR_F64 * (magnitude + 8.0 * Self::COORDINATE_ERROR_F64)
+    }
+
+    /// By the signs of the three volumes that direction and edges span, and of that of origin and triangle.
+    #[cold]
+    #[inline(never)]
+    fn decide_exactly(&self, triangle: &Triangle) -> Option<TriangleHit> {
+        let [x, y, z] = self.axes.map(|axis| triangle.coordinates[axis]);
+        let [a, b, c] = [0, 1, 2].map(|v| [x[v], y[v], z[v]]);
+        let (origin, direction) = (self.origin_f32, self.direction_f32);
+        let mut all = ExactSum::default();
+        let edge_functions = [(b, c), (c, a), (a, b)].map(|(from, to)| {
+            let mut sum = ExactSum::default();
+            add_side(&mut sum, origin, direction, from, to);
+            add_side(&mut all, origin, direction, from, to);
+            sum.value()
+        });
+        // Either orientation.
+        if edge_functions.iter().any(|&e| e < 0.0) && edge_functions.iter().any(|&e| e > 0.0) {
+            return None;
+        }
+        let determinant = all.value();
+        // Zero without area, or in the plane: t is not a number, or infinite.
+        let t = volume(origin, [a, b, c]) / determinant;
+        (determinant != 0.0 && t >= 0.0).then_some(TriangleHit { t, edge_functions })
     }
 
     /// A vertex relative to the origin, sheared; the third component is its unscaled distance.
