@@ -13,10 +13,6 @@ use crate::tracer::ray::{Ray, Source};
 /// Depths closer than this, relatively, are one depth: four times the rounding of f32.
 pub const SAME_DEPTH: f64 = 1.0 / (1 << 22) as f64;
 
-/// A ray whose origin is this near to a triangle, in normalised units, may hit it there or not: the tracer's f64
-/// does not tell 0 from the rounding of a distance, some 2⁻⁵² of the root cube.
-pub const TOUCHING: f64 = 1.0 / (1u64 << 48) as f64;
-
 /// All primitives of a database. Each is asked whose bounding box the ray's line meets, found by going through
 /// all boxes: the octree has no say.
 pub struct BruteForce<'a> {
@@ -113,7 +109,7 @@ impl<'a> BruteForce<'a> {
             let triangle = &self.triangles[id];
             let own = ray.source == Source::Polygon(triangle.polygon());
             let hit = if own { None } else { triangle::hit(ray, triangle) };
-            hit.map(|t| Crossing { t, error: TOUCHING, certain: t > TOUCHING }).into_iter().collect()
+            hit.map(|t| Crossing { t, error: 0.0, certain: true }).into_iter().collect()
         } else if id < triangles + spheres {
             sphere_hits(ray, &self.spheres[id - triangles], leaving)
         } else {
