@@ -8,10 +8,12 @@ pub mod primary;
 pub mod primitives;
 pub mod ray;
 pub mod shade;
+pub mod simd;
 pub mod slices;
 pub mod stats;
 pub mod tile;
 pub mod view;
+pub mod wide;
 
 pub use memory_port::{MemoryPort, RayKind};
 pub use stats::TraceStats;
