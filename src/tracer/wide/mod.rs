@@ -1,56 +1,230 @@
 //! The fast kernel: a private structure derived from the image by a process that holds the whole of it, and
-//! batches of rays traced through it. Its hits are those of the single-ray kernel, bit by bit.
+//! batches of rays traced through it. Its hits are those of the single-ray kernel, bit by bit: lanes tell what is
+//! sure, the single-ray kernel's own functions decide the rest.
+
+pub mod octree;
+pub mod packet;
+pub mod scene;
+mod triangles;
+mod walk;
+
+pub use octree::WideOctree;
+pub use walk::Counts;
+
+use packet::{LANES, Packet};
+use scene::Primitives;
+use walk::Scratch;
 
 use super::hit::Hit;
 use super::octree::hero::Hero;
 use super::ray::Ray;
-use super::simd::Simd;
+use super::simd::{Registers, Simd, Task};
 use super::slices::Slices;
 use super::stats::TraceStats;
 use crate::database::verify::Verified;
 
-/// The octree with fitted boxes and leaf blocks.
-#[derive(Debug)]
-pub struct WideOctree {}
-
-impl WideOctree {
-    pub fn derive(_database: &Verified) -> Self {
-        Self {}
-    }
-
-    pub fn bytes(&self) -> u64 {
-        0
-    }
-}
-
 /// Traces batches of rays.
 pub struct WideTracer<'a> {
+    octree: &'a WideOctree,
+    primitives: Primitives<'a>,
+    simd: Simd,
+    packet: Box<Packet>,
+    scratch: Scratch,
+    /// By octant.
+    queues: [Vec<u32>; 8],
+    /// Rays that packets are not made for, and what traces them.
+    unusual: Vec<u32>,
     hero: Hero,
     port: Slices<'a>,
 }
 
 impl<'a> WideTracer<'a> {
-    pub fn new(_octree: &'a WideOctree, database: &'a Verified, _simd: Simd) -> Self {
-        Self { hero: Hero::new(&database.database().header, true), port: Slices::new(database) }
+    pub fn new(octree: &'a WideOctree, database: &'a Verified, simd: Simd) -> Self {
+        Self {
+            octree,
+            primitives: Primitives::new(database),
+            simd,
+            packet: Box::new(Packet::new()),
+            scratch: Scratch::new(),
+            queues: Default::default(),
+            unusual: Vec::new(),
+            hero: Hero::new(&database.database().header, true),
+            port: Slices::new(database),
+        }
+    }
+
+    pub fn counts(&self) -> Counts {
+        self.scratch.counts
     }
 
     /// The nearest hit of each ray: the minimum of (t, id) over all primitives.
     pub fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let mut stats = TraceStats::default();
-        let nearest = |ray| {
-            let Ok(hit) = self.hero.nearest(&mut self.port, ray, &mut stats);
-            hit
-        };
-        rays.iter().map(nearest).collect()
+        let mut primitives = vec![packet::NONE; rays.len()];
+        self.nearest_primitives(rays, &mut primitives);
+        let hit = |(ray, &id): (&Ray, &u32)| if id == packet::NONE { None } else { self.primitives.hit(ray, id) };
+        rays.iter().zip(&primitives).map(hit).collect()
     }
 
     /// Whether anything is hit before each ray's `t_max`.
     pub fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
-        let mut stats = TraceStats::default();
-        let occluded = |ray| {
-            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut stats);
-            hit
+        let mut occluded = vec![true; rays.len()];
+        self.mark_lit(rays, &mut occluded);
+        occluded
+    }
+
+    /// The id of the primitive that each ray hits first, [`packet::NONE`] where there is none.
+    pub(super) fn nearest_primitives(&mut self, rays: &[Ray], primitives: &mut [u32]) {
+        self.sort(rays);
+        let simd = self.simd;
+        simd.run(Nearest { tracer: self, rays, primitives });
+        for &index in &self.unusual {
+            let ray = &rays[index as usize];
+            let Ok(hit) = self.hero.nearest(&mut self.port, ray, &mut TraceStats::default());
+            primitives[index as usize] = hit.map_or(packet::NONE, |hit| hit.primitive.0);
+        }
+    }
+
+    /// Clears the marks of rays that hit nothing before their `t_max`.
+    pub(super) fn mark_lit(&mut self, rays: &[Ray], occluded: &mut [bool]) {
+        self.sort(rays);
+        let simd = self.simd;
+        simd.run(Occluded { tracer: self, rays, occluded });
+        for &index in &self.unusual {
+            let ray = &rays[index as usize];
+            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut TraceStats::default());
+            occluded[index as usize] = hit;
+        }
+    }
+
+    fn sort(&mut self, rays: &[Ray]) {
+        self.queues.iter_mut().for_each(Vec::clear);
+        self.unusual.clear();
+        for (index, ray) in rays.iter().enumerate() {
+            match Packet::octant(ray) {
+                Some(octant) => self.queues[octant].push(index as u32),
+                None => self.unusual.push(index as u32),
+            }
+        }
+    }
+}
+
+struct Nearest<'t, 'a, 'r> {
+    tracer: &'t mut WideTracer<'a>,
+    rays: &'r [Ray],
+    primitives: &'r mut [u32],
+}
+
+impl Task for Nearest<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(self) {
+        let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
+        for (mirror, queue) in queues.iter().enumerate() {
+            for indices in queue.chunks(LANES) {
+                packet.fill::<R>(self.rays, indices, mirror);
+                walk::walk::<R, false>(octree, primitives, packet, scratch);
+                for (lane, &index) in indices.iter().enumerate() {
+                    self.primitives[index as usize] = packet.primitive[lane].to_bits();
+                }
+            }
+        }
+    }
+}
+
+struct Occluded<'t, 'a, 'r> {
+    tracer: &'t mut WideTracer<'a>,
+    rays: &'r [Ray],
+    occluded: &'r mut [bool],
+}
+
+impl Task for Occluded<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(self) {
+        let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
+        for (mirror, queue) in queues.iter().enumerate() {
+            for indices in queue.chunks(LANES) {
+                packet.fill::<R>(self.rays, indices, mirror);
+                walk::walk::<R, true>(octree, primitives, packet, scratch);
+                for (lane, &index) in indices.iter().enumerate() {
+                    self.occluded[index as usize] = packet.active >> lane & 1 == 0;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use rand_core::{Rng, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::tracer::octree::{BuildParameters, build_database};
+    use crate::tracer::ray::Source;
+
+    fn vector(random: &mut Pcg32) -> DVec3 {
+        let mut unit = || f64::from(random.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0;
+        DVec3::new(unit(), unit(), unit())
+    }
+
+    fn rays(random: &mut Pcg32, count: usize) -> Vec<Ray> {
+        let one = |i: usize| {
+            // Sixteen at a time run nearly alike.
+            let mut group = Pcg32::seed_from_u64(i as u64 / 16);
+            let spread = [1e-3, 0.05, 1.0][i / 16 % 3];
+            let mut origin = vector(&mut group) * 0.9 + vector(random) * 0.1 * spread;
+            let mut direction = vector(&mut group) + vector(random) * spread;
+            if i % 5 == 0 {
+                direction[i % 3] = 0.0;
+                origin[i % 3] = 0.25;
+            }
+            Ray {
+                origin: origin.as_vec3().to_array(),
+                direction: direction.normalize().as_vec3().to_array(),
+                t_max: if i % 4 == 0 { 0.5 } else { f32::INFINITY },
+                source: Source::Eye,
+            }
         };
-        rays.iter().map(occluded).collect()
+        (0..count).map(one).collect()
+    }
+
+    #[test]
+    fn hits_are_those_of_the_single_ray_kernel_with_any_instructions() {
+        let mut random = Pcg32::seed_from_u64(7);
+        for scene in ["teapot:6", "gears:1", "balls:2", "tetra:4"] {
+            let scene = scene.parse::<crate::topology::SceneSource>().expect("a scene");
+            let scene = crate::preparation::load(&scene).expect("procedural");
+            for (leaf_size, max_depth) in [(8, 12), (1, 6), (40, 3)] {
+                let database = build_database(&scene, BuildParameters { leaf_size, max_depth }).expect("builds");
+                let octree = WideOctree::derive(&database);
+                let rays = rays(&mut random, 4000);
+                let mut port = Slices::new(&database);
+                let mut hero = Hero::new(&database.database().header, true);
+                let expected: Vec<_> = rays
+                    .iter()
+                    .map(|ray| {
+                        let Ok(hit) = hero.nearest(&mut port, ray, &mut TraceStats::default());
+                        hit.map(|hit| (hit.t, hit.primitive.0))
+                    })
+                    .collect();
+                for simd in Simd::available() {
+                    let mut tracer = WideTracer::new(&octree, &database, simd);
+                    let found = tracer.nearest(&rays);
+                    let found: Vec<_> = found.iter().map(|hit| hit.map(|hit| (hit.t, hit.primitive.0))).collect();
+                    for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                        assert_eq!(found, expected, "ray {i} {:?}, {simd}", rays[i]);
+                    }
+                    let occluded = tracer.occluded(&rays);
+                    for (i, (occluded, expected)) in occluded.iter().zip(&expected).enumerate() {
+                        assert_eq!(*occluded, expected.is_some(), "shadow ray {i} {:?}, {simd}", rays[i]);
+                    }
+                }
+                assert!(expected.iter().flatten().count() > 500, "{}", expected.iter().flatten().count());
+            }
+        }
     }
 }

@@ -1,0 +1,238 @@
+//! The vector registers of x86-64.
+//!
+//! A value of these types is only ever made inside of a function that [`super::Simd::run`] calls once it knows that
+//! the processor has the instructions: every `unsafe` here rests on that, and on lengths checked beside it.
+
+use std::arch::x86_64::*;
+
+use super::lanes::{Doubles, Lanes, Singles};
+
+macro_rules! registers {
+    ($name:ident($register:ident) of $number:ident x $n:literal:
+     $set1:ident, $loadu:ident, $storeu:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
+     $min:ident, $max:ident, $and:ident, $andnot:ident, $xor:ident,
+     lt |$la:ident, $lb:ident| $lt:expr, le |$ea:ident, $eb:ident| $le:expr,
+     select |$bits:ident, $a:ident, $b:ident| $select:expr) => {
+        #[derive(Clone, Copy)]
+        pub struct $name($register);
+
+        impl Lanes for $name {
+            type Number = $number;
+            const N: usize = $n;
+
+            #[inline(always)]
+            fn splat(number: $number) -> Self {
+                // SAFETY: the processor has the instruction, see above.
+                Self(unsafe { $set1(number) })
+            }
+            #[inline(always)]
+            fn load(from: &[$number]) -> Self {
+                let from = &from[..$n];
+                // SAFETY: as above; as many numbers are there.
+                Self(unsafe { $loadu(from.as_ptr()) })
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [$number]) {
+                let to = &mut to[..$n];
+                // SAFETY: as above; as many numbers are there.
+                unsafe { $storeu(to.as_mut_ptr(), self.0) }
+            }
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                // SAFETY: the processor has the instruction, see above; and so below.
+                Self(unsafe { $add(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $sub(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $mul(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $div(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $min(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $max(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $andnot($set1(-0.0), self.0) })
+            }
+            #[inline(always)]
+            fn turned(self, sign: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $xor(self.0, $and($set1(-0.0), sign.0)) })
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> u32 {
+                let ($la, $lb) = (self.0, other.0);
+                // SAFETY: as above.
+                (unsafe { $lt }) as u32
+            }
+            #[inline(always)]
+            fn le(self, other: Self) -> u32 {
+                let ($ea, $eb) = (self.0, other.0);
+                // SAFETY: as above.
+                (unsafe { $le }) as u32
+            }
+            #[inline(always)]
+            fn select(self, $bits: u32, other: Self) -> Self {
+                let ($a, $b) = (self.0, other.0);
+                // SAFETY: as above.
+                Self(unsafe { $select })
+            }
+        }
+    };
+}
+
+registers!(F32x4(__m128) of f32 x 4:
+    _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_sub_ps, _mm_mul_ps, _mm_div_ps, _mm_sqrt_ps,
+    _mm_min_ps, _mm_max_ps, _mm_and_ps, _mm_andnot_ps, _mm_xor_ps,
+    lt |a, b| _mm_movemask_ps(_mm_cmplt_ps(a, b)), le |a, b| _mm_movemask_ps(_mm_cmple_ps(a, b)),
+    select |bits, a, b| {
+        let each = _mm_setr_epi32(1, 2, 4, 8);
+        let mask = _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
+        _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b))
+    });
+
+registers!(F64x2(__m128d) of f64 x 2:
+    _mm_set1_pd, _mm_loadu_pd, _mm_storeu_pd, _mm_add_pd, _mm_sub_pd, _mm_mul_pd, _mm_div_pd, _mm_sqrt_pd,
+    _mm_min_pd, _mm_max_pd, _mm_and_pd, _mm_andnot_pd, _mm_xor_pd,
+    lt |a, b| _mm_movemask_pd(_mm_cmplt_pd(a, b)), le |a, b| _mm_movemask_pd(_mm_cmple_pd(a, b)),
+    select |bits, a, b| {
+        let each = _mm_setr_epi32(1, 1, 2, 2);
+        let mask = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
+        _mm_or_pd(_mm_and_pd(mask, a), _mm_andnot_pd(mask, b))
+    });
+
+registers!(F32x8(__m256) of f32 x 8:
+    _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
+    _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_xor_ps,
+    lt |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)),
+    le |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)),
+    select |bits, a, b| {
+        let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let mask = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), each), each);
+        _mm256_blendv_ps(b, a, _mm256_castsi256_ps(mask))
+    });
+
+registers!(F64x4(__m256d) of f64 x 4:
+    _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
+    _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd, _mm256_and_pd, _mm256_andnot_pd, _mm256_xor_pd,
+    lt |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)),
+    le |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)),
+    select |bits, a, b| {
+        let each = _mm256_setr_epi64x(1, 2, 4, 8);
+        let mask = _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(i64::from(bits)), each), each);
+        _mm256_blendv_pd(b, a, _mm256_castsi256_pd(mask))
+    });
+
+registers!(F32x16(__m512) of f32 x 16:
+    _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
+    _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps, _mm512_and_ps, _mm512_andnot_ps, _mm512_xor_ps,
+    lt |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b), le |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
+    select |bits, a, b| _mm512_mask_mov_ps(b, bits as u16, a));
+
+registers!(F64x8(__m512d) of f64 x 8:
+    _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
+    _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, _mm512_and_pd, _mm512_andnot_pd, _mm512_xor_pd,
+    lt |a, b| _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b), le |a, b| _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b),
+    select |bits, a, b| _mm512_mask_mov_pd(b, bits as u8, a));
+
+impl Singles for F32x4 {
+    #[inline(always)]
+    fn differ(self, other: Self) -> u32 {
+        // SAFETY: as above.
+        unsafe {
+            let same = _mm_cmpeq_epi32(_mm_castps_si128(self.0), _mm_castps_si128(other.0));
+            !(_mm_movemask_ps(_mm_castsi128_ps(same)) as u32) & 0xf
+        }
+    }
+}
+
+impl Singles for F32x8 {
+    #[inline(always)]
+    fn differ(self, other: Self) -> u32 {
+        // SAFETY: as above.
+        unsafe {
+            let same = _mm256_cmpeq_epi32(_mm256_castps_si256(self.0), _mm256_castps_si256(other.0));
+            !(_mm256_movemask_ps(_mm256_castsi256_ps(same)) as u32) & 0xff
+        }
+    }
+}
+
+impl Singles for F32x16 {
+    #[inline(always)]
+    fn differ(self, other: Self) -> u32 {
+        // SAFETY: as above.
+        unsafe { u32::from(_mm512_cmpneq_epi32_mask(_mm512_castps_si512(self.0), _mm512_castps_si512(other.0))) }
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        // SAFETY: as above.
+        unsafe { _mm512_reduce_min_ps(self.0) }
+    }
+}
+
+impl Doubles for F64x2 {
+    #[inline(always)]
+    fn widen(from: &[f32]) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_setr_pd(f64::from(from[0]), f64::from(from[1])) })
+    }
+    #[inline(always)]
+    fn narrow(self, to: &mut [f32]) {
+        let mut numbers = [0.0; 2];
+        self.store(&mut numbers);
+        (to[0], to[1]) = (numbers[0] as f32, numbers[1] as f32);
+    }
+}
+
+impl Doubles for F64x4 {
+    #[inline(always)]
+    fn widen(from: &[f32]) -> Self {
+        let from = &from[..4];
+        // SAFETY: as above; four numbers are there.
+        Self(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(from.as_ptr())) })
+    }
+    #[inline(always)]
+    fn narrow(self, to: &mut [f32]) {
+        let to = &mut to[..4];
+        // SAFETY: as above; four numbers are there.
+        unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) }
+    }
+}
+
+impl Doubles for F64x8 {
+    #[inline(always)]
+    fn widen(from: &[f32]) -> Self {
+        let from = &from[..8];
+        // SAFETY: as above; eight numbers are there.
+        Self(unsafe { _mm512_cvtps_pd(_mm256_loadu_ps(from.as_ptr())) })
+    }
+    #[inline(always)]
+    fn narrow(self, to: &mut [f32]) {
+        let to = &mut to[..8];
+        // SAFETY: as above; eight numbers are there.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm512_cvtpd_ps(self.0)) }
+    }
+}

@@ -1,0 +1,92 @@
+//! The primitives themselves, for what packets leave to be decided: one ray, one primitive, by the very functions of
+//! the single-ray kernel.
+
+use super::packet::Packet;
+use crate::database::Section;
+use crate::database::records::{Cone, PrimitiveId, Sphere, Triangle};
+use crate::database::verify::Verified;
+use crate::tracer::hit::{Hit, HitOn};
+use crate::tracer::primitives::{cone, sphere, triangle::Shear};
+use crate::tracer::ray::{Ray, Source};
+
+/// Slices of a verified database.
+#[derive(Clone, Copy, Debug)]
+pub struct Primitives<'a> {
+    pub triangles: &'a [Triangle],
+    pub spheres: &'a [Sphere],
+    pub cones: &'a [Cone],
+}
+
+impl<'a> Primitives<'a> {
+    pub fn new(database: &'a Verified) -> Self {
+        let database = database.database();
+        Self {
+            triangles: database.records(Section::Triangles),
+            spheres: database.records(Section::Spheres),
+            cones: database.records(Section::Cones),
+        }
+    }
+
+    /// The hit of one primitive; whatever its distance.
+    pub fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
+        let (primitive, index) = (PrimitiveId(id), id as usize);
+        let leaving = ray.source == Source::Curved(id);
+        if let Some(triangle) = self.triangles.get(index) {
+            let other = ray.source != Source::Polygon(triangle.polygon());
+            let hit = Shear::new(ray).intersect(triangle).filter(|_| other)?;
+            let on = HitOn::Triangle { triangle: *triangle, barycentrics: hit.barycentrics() };
+            return Some(Hit { t: hit.t as f32, primitive, on });
+        }
+        let index = index - self.triangles.len();
+        if let Some(sphere) = self.spheres.get(index) {
+            let t = sphere::intersect(ray, sphere, leaving)?;
+            return Some(Hit { t: t as f32, primitive, on: HitOn::Sphere { sphere: *sphere, t } });
+        }
+        let cone = &self.cones[index - self.spheres.len()];
+        let t = cone::intersect(ray, cone, leaving)?;
+        Some(Hit { t: t as f32, primitive, on: HitOn::Cone { cone: *cone, t } })
+    }
+
+    /// Decides exactly whether this primitive's hit is nearer than the lane's so far; if `ANY`, whether there is one.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn contend<const ANY: bool>(&self, packet: &mut Packet, lane: usize, id: u32) {
+        let ray = packet.ray(lane);
+        let Some(hit) = self.hit(&ray, id) else { return };
+        self.settle::<ANY>(packet, lane, &ray, &hit);
+    }
+
+    /// A sphere or cone against the rays of `mask`.
+    #[inline(never)]
+    pub(super) fn test_curved<const ANY: bool>(&self, packet: &mut Packet, mask: u32, id: u32) {
+        let mut rest = if ANY { mask & packet.active } else { mask };
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let ray = packet.ray(lane);
+            if let Some(hit) = self.hit(&ray, id) {
+                self.settle::<ANY>(packet, lane, &ray, &hit);
+            }
+        }
+    }
+
+    fn settle<const ANY: bool>(&self, packet: &mut Packet, lane: usize, ray: &Ray, hit: &Hit) {
+        if !(hit.t < ray.t_max) {
+            return;
+        }
+        if ANY {
+            packet.active &= !(1 << lane);
+            return;
+        }
+        let id = hit.primitive.0;
+        let Some(best) = packet.hit(lane) else { return packet.set_hit(lane, id, hit.t, hit.t, true) };
+        if packet.exact >> lane & 1 == 0 && hit.t <= packet.far[lane] && hit.t >= packet.least[lane] {
+            let t = self.hit(ray, best).map_or(f32::INFINITY, |hit| hit.t);
+            packet.set_hit(lane, best, t, t, true);
+        }
+        let (least, far) = (packet.least[lane], packet.far[lane]);
+        if hit.t < least || (hit.t == least && least == far && id < best) {
+            packet.set_hit(lane, id, hit.t, hit.t, true);
+        }
+    }
+}
