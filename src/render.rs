@@ -12,20 +12,31 @@ use crate::database::verify::Verified;
 use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
 use crate::progress::Status;
+use crate::tracer::simd::Simd;
 use crate::tracer::slices::Slices;
 use crate::tracer::view::ImageSettings;
-use crate::tracer::{AovSet, TileTracer, Tiling, TraceStats, View};
+use crate::tracer::wide::{BatchTracer, WideOctree};
+use crate::tracer::{AovSet, Pixels, Rect, TileTracer, Tiling, TraceStats, View};
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
 const TILE: u32 = 32;
 
+/// What traces. The image is the same.
+#[derive(Clone, Copy, Debug)]
+pub enum Kernel<'a> {
+    /// One ray at a time over the shared image, as every simulation does.
+    Single { mailbox: bool },
+    /// Packets over the structure derived from it.
+    Packets(&'a WideOctree, Simd),
+}
+
 /// How to render, besides what decides the image.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct Settings<'a> {
     /// At least 1.
     pub threads: usize,
     pub aov: AovSet,
-    pub mailbox: bool,
+    pub kernel: Kernel<'a>,
 }
 
 /// An image, and what it cost.
@@ -46,7 +57,7 @@ pub struct Rendering {
 pub fn render(
     database: &Verified,
     view: &View,
-    settings: Settings,
+    settings: Settings<'_>,
     on_tile: impl Fn(&Status) + Sync,
 ) -> Result<Rendering, FrameBufferError> {
     let image = &view.image;
@@ -56,11 +67,10 @@ pub fn render(
     let start = Instant::now();
     let worker = || {
         let cpu_at_start = thread_cpu();
-        let mut port = Slices::new(database);
-        let mut tracer = TileTracer::new(&database.database().header, view, settings.mailbox);
+        let mut tracer = Tracer::new(database, view, settings.kernel);
         let mut stats = TraceStats::default();
         while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
-            let Ok::<_, Infallible>((pixels, counts)) = tracer.trace(&mut port, rect, settings.aov);
+            let (pixels, counts) = tracer.trace(rect, settings.aov);
             stats.add(&counts);
             rays.fetch_add(counts.all_rays(), Ordering::Relaxed);
             let mut whole = frame.lock().expect("no thread panics while it holds the frame");
@@ -86,6 +96,34 @@ pub fn render(
     });
     let wall = start.elapsed();
     Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
+}
+
+/// One thread's tracer.
+enum Tracer<'a> {
+    Single(Box<TileTracer>, Slices<'a>),
+    Packets(Box<BatchTracer<'a>>),
+}
+
+impl<'a> Tracer<'a> {
+    fn new(database: &'a Verified, view: &View, kernel: Kernel<'a>) -> Self {
+        match kernel {
+            Kernel::Single { mailbox } => {
+                let tracer = TileTracer::new(&database.database().header, view, mailbox);
+                Self::Single(Box::new(tracer), Slices::new(database))
+            }
+            Kernel::Packets(octree, simd) => Self::Packets(Box::new(BatchTracer::new(octree, database, view, simd))),
+        }
+    }
+
+    fn trace(&mut self, rect: Rect, aov: AovSet) -> (Pixels, TraceStats) {
+        match self {
+            Self::Single(tracer, port) => {
+                let Ok::<_, Infallible>(traced) = tracer.trace(port, rect, aov);
+                traced
+            }
+            Self::Packets(tracer) => tracer.trace(rect, aov),
+        }
+    }
 }
 
 /// How many tiles [`render`] cuts an image into.

@@ -5,19 +5,21 @@ use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 
-use clap::{Args, value_parser};
+use clap::{Args, ValueEnum, value_parser};
 
 use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
 use super::{Failure, print};
 use crate::preparation::{self, Fallback, Prepared};
 use crate::progress::{Progress, Status};
-use crate::render::{self, Rendering, Settings};
+use crate::render::{self, Kernel, Rendering, Settings};
 use crate::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use crate::scene::Camera;
 use crate::topology::value::{Cutoff, Depth};
 use crate::topology::{Octree, SceneSource};
 use crate::tracer::octree::census::Census;
+use crate::tracer::simd::Simd;
 use crate::tracer::view::ImageSettings;
+use crate::tracer::wide::WideOctree;
 
 /// Render a scene in this one process: the fastest way on one machine
 #[derive(Clone, Debug, Args)]
@@ -47,6 +49,12 @@ pub struct RenderArguments {
     /// Test a primitive that stands in many leaves only once a ray
     #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true, default_value_t = Switch::On)]
     mailbox: Switch,
+    /// What traces; the image is the same
+    #[arg(long, value_enum, value_name = "packets|single", hide_possible_values = true, default_value_t = KernelName::Packets)]
+    kernel: KernelName,
+    /// Vector instructions of the packets [default: the most that this processor has]
+    #[arg(long, value_name = "scalar|sse2|avx2|avx512")]
+    simd: Option<Simd>,
     #[command(flatten)]
     pub planes: OutputOptions,
     /// Print no progress and no summary
@@ -55,6 +63,12 @@ pub struct RenderArguments {
     /// Also write a report as JSON (docs/report.md)
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum KernelName {
+    Packets,
+    Single,
 }
 
 impl RenderArguments {
@@ -86,7 +100,15 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
         Ok(arguments.image_settings(camera))
     })?;
-    let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), mailbox: octree.mailbox };
+    let derivation = Instant::now();
+    let packets = arguments.kernel == KernelName::Packets;
+    let derived = packets.then(|| WideOctree::derive(&prepared.database));
+    let derivation = derivation.elapsed();
+    let kernel = match &derived {
+        Some(derived) => Kernel::Packets(derived, arguments.simd.unwrap_or_else(Simd::best)),
+        None => Kernel::Single { mailbox: octree.mailbox },
+    };
+    let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), kernel };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
     let rendering = loop {
         let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
@@ -112,7 +134,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         .map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
     let seconds = Seconds {
         load: prepared.load.as_secs_f64(),
-        octree: prepared.build.as_secs_f64(),
+        octree: (prepared.build + derivation).as_secs_f64(),
         render: median(walls),
         render_cpu: median(cpus),
         total: start.elapsed().as_secs_f64(),

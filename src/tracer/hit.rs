@@ -42,6 +42,14 @@ pub struct SurfacePoint {
     pub source: Source,
 }
 
+impl SurfacePoint {
+    /// The normal turned to where a ray along `direction` comes from.
+    pub fn normal_to_eye(&self, direction: DVec3) -> [f32; 3] {
+        let normal = if self.normal.dot(direction) > 0.0 { -self.normal } else { self.normal };
+        normal.as_vec3().to_array()
+    }
+}
+
 impl Hit {
     /// Whether this one counts rather than `other`.
     #[inline(always)]

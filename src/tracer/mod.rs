@@ -4,6 +4,7 @@
 pub mod hit;
 pub mod memory_port;
 pub mod octree;
+pub mod power;
 pub mod primary;
 pub mod primitives;
 pub mod ray;
@@ -12,6 +13,7 @@ pub mod simd;
 pub mod slices;
 pub mod stats;
 pub mod tile;
+pub mod vector;
 pub mod view;
 pub mod wide;
 

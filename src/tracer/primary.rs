@@ -2,6 +2,9 @@
 
 use glam::DVec3;
 
+use super::hit::SurfacePoint;
+use super::simd::lanes::Doubles;
+use super::vector::{V3, add, normalise, scale, splat};
 use super::view::View;
 use crate::database::{Header, Normalisation};
 
@@ -38,12 +41,22 @@ impl PrimaryRays {
 
     /// Unit direction through the centre of a pixel.
     pub fn direction(&self, x: u32, y: u32) -> DVec3 {
-        let across = 2.0 * (f64::from(x) + 0.5) / self.width - 1.0;
-        let upward = 1.0 - 2.0 * (f64::from(y) + 0.5) / self.height;
-        (self.forward + self.right * across + self.up * upward).normalize()
+        self.directions(f64::from(x), f64::from(y)).into()
     }
 
-    pub fn world_length(&self, normalised: f64) -> f64 {
-        self.normalisation.world_length(normalised)
+    /// Unit directions through the centres of pixels.
+    #[inline(always)]
+    pub fn directions<L: Doubles>(&self, x: L, y: L) -> V3<L> {
+        let (one, two, half) = (L::splat(1.0), L::splat(2.0), L::splat(0.5));
+        let across = two.mul(x.add(half)).div(L::splat(self.width)).sub(one);
+        let upward = one.sub(two.mul(y.add(half)).div(L::splat(self.height)));
+        let right = scale(splat(self.right.to_array()), across);
+        let up = scale(splat(self.up.to_array()), upward);
+        normalise(add(add(splat(self.forward.to_array()), right), up))
+    }
+
+    /// Distance of a point along its pixel's direction, world units.
+    pub fn depth(&self, point: &SurfacePoint, direction: DVec3) -> f32 {
+        self.normalisation.world_length((point.position - self.eye).dot(direction)) as f32
     }
 }

@@ -2,6 +2,9 @@
 
 use glam::DVec3;
 
+use super::simd::lanes::Doubles;
+use super::vector::{V3, add, dot, scale, splat};
+
 /// A ray with its origin in the root cube.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
@@ -33,42 +36,21 @@ const OFFSET: f64 = 1.0 / (1 << 22) as f64;
 impl Ray {
     /// A ray from a point of a surface, moved off to the side that `direction` leaves to.
     pub fn leaving(point: DVec3, normal: DVec3, direction: DVec3, t_max: f32, source: Source) -> Self {
-        let side = if direction.dot(normal) < 0.0 { -OFFSET } else { OFFSET };
-        Self {
-            origin: (point + normal * side).as_vec3().to_array(),
-            direction: direction.as_vec3().to_array(),
-            t_max,
-            source,
-        }
+        let origin = moved_off(point.to_array(), normal.to_array(), direction.to_array());
+        Self { origin: DVec3::from(origin).as_vec3().to_array(), direction: direction.as_vec3().to_array(), t_max, source }
     }
 
     /// A ray from anywhere, in f64: moved to where it enters the root, so that `t` cannot outgrow the
     /// octree's padding. With it, the distance moved; `None` if it misses the root or is not finite.
     pub fn from_eye(origin: DVec3, direction: DVec3) -> Option<(Self, f64)> {
-        let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (o, d) = (origin[axis], direction[axis]);
-            if d == 0.0 {
-                if !(o.abs() <= 1.0) {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((-1.0 - o) / d, (1.0 - o) / d);
-            enter = enter.max(a.min(b));
-            leave = leave.min(a.max(b));
-        }
-        if !(enter <= leave && enter.is_finite() && direction.is_finite()) {
-            return None;
-        }
-        let inside = (origin + direction * enter).clamp(DVec3::NEG_ONE, DVec3::ONE);
+        let (inside, enter, enters) = entering::<f64>(origin.to_array(), direction.to_array());
         let ray = Self {
-            origin: inside.as_vec3().to_array(),
+            origin: DVec3::from(inside).as_vec3().to_array(),
             direction: direction.as_vec3().to_array(),
             t_max: f32::INFINITY,
             source: Source::Eye,
         };
-        Some((ray, enter))
+        (enters != 0).then_some((ray, enter))
     }
 
     pub fn origin_f64(&self) -> DVec3 {
@@ -78,4 +60,37 @@ impl Ray {
     pub fn direction_f64(&self) -> DVec3 {
         DVec3::from(self.direction.map(f64::from))
     }
+}
+
+/// Points of surfaces, moved off to the sides that the directions leave to.
+#[inline(always)]
+pub fn moved_off<L: Doubles>(point: V3<L>, normal: V3<L>, direction: V3<L>) -> V3<L> {
+    let below = dot(direction, normal).lt(L::splat(0.0));
+    add(point, scale(normal, L::splat(-OFFSET).select(below, L::splat(OFFSET))))
+}
+
+/// Where rays from one origin enter the root, how far that is, and which do: a bit each.
+#[inline(always)]
+pub fn entering<L: Doubles>(origin: [f64; 3], direction: V3<L>) -> (V3<L>, L, u32) {
+    let (one, infinity) = (L::splat(1.0), L::splat(f64::INFINITY));
+    let (mut enter, mut leave) = (L::splat(0.0), infinity);
+    let mut possible = u32::MAX;
+    for axis in 0..3 {
+        let (o, d) = (origin[axis], direction[axis]);
+        let parallel = d.abs().le(L::splat(0.0));
+        let (a, b) = (L::splat(-1.0 - o).div(d), L::splat(1.0 - o).div(d));
+        enter = enter.select(parallel, enter.max(a.min(b)));
+        leave = leave.select(parallel, leave.min(a.max(b)));
+        possible &= d.abs().lt(infinity);
+        if !(o.abs() <= 1.0) {
+            possible &= !parallel;
+        }
+    }
+    let inside = add(splat(origin), scale(direction, enter));
+    let inside = [
+        inside[0].max(L::splat(-1.0)).min(one),
+        inside[1].max(L::splat(-1.0)).min(one),
+        inside[2].max(L::splat(-1.0)).min(one),
+    ];
+    (inside, enter, possible & enter.le(leave) & enter.lt(infinity))
 }

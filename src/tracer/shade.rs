@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
+use super::power::power;
 use super::ray::Ray;
 use super::stats::TraceStats;
 use super::view::View;
@@ -166,7 +167,7 @@ impl Shader {
 /// Phong's highlight, for the cosine between the mirrored view and the light.
 fn highlight(material: &Material, cosine: f32) -> Vec3 {
     let strength = Vec3::from(material.highlight);
-    if cosine > 0.0 && strength != Vec3::ZERO { strength * libm::powf(cosine, material.shine) } else { Vec3::ZERO }
+    if cosine > 0.0 && strength != Vec3::ZERO { strength * power(f64::from(cosine), f64::from(material.shine)) as f32 } else { Vec3::ZERO }
 }
 
 /// Turned to the side that the ray comes from.
@@ -190,7 +191,7 @@ fn shading_normal<M: MemoryPort>(
 
 /// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
 /// by the geometric normal, which points outward.
-fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
+pub(super) fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
     if !(material.transmittance > 0.0) {
         return None;
     }

@@ -1,6 +1,5 @@
 //! A tile: the unit of work. Its pixels, and what it takes to trace them.
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::memory_port::MemoryPort;
@@ -170,13 +169,10 @@ impl TileTracer {
         stats.non_finite_pixels += u64::from(!finite);
         pixels.colour.push(if finite { seen.radiance.to_array() } else { [0.0; 3] });
         if aov.depth {
-            let along = |position: DVec3| self.camera.world_length((position - self.camera.eye).dot(direction)) as f32;
-            pixels.depth.push(seen.first.map_or(-1.0, |(_, point)| along(point.position)));
+            pixels.depth.push(seen.first.map_or(-1.0, |(_, point)| self.camera.depth(&point, direction)));
         }
         if aov.normal {
-            let to_eye = |normal: DVec3| if normal.dot(direction) > 0.0 { -normal } else { normal };
-            let normal = seen.first.map_or(DVec3::ZERO, |(_, point)| to_eye(point.normal));
-            pixels.normal.push(normal.as_vec3().to_array());
+            pixels.normal.push(seen.first.map_or([0.0; 3], |(_, point)| point.normal_to_eye(direction)));
         }
         if aov.primitive {
             pixels.primitive.push(seen.first.map_or(-1, |(primitive, _)| primitive.0 as i32));

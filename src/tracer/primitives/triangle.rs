@@ -8,6 +8,8 @@
 use super::exact::{ExactSum, add_side, volume};
 use crate::database::records::Triangle;
 use crate::tracer::ray::Ray;
+use crate::tracer::simd::lanes::{Doubles, Lanes};
+use crate::tracer::vector::V3;
 
 /// The shear that takes the ray to the unit ray along its largest axis.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +37,66 @@ impl TriangleHit {
         let sum = u + v + w;
         [u / sum, v / sum, w / sum]
     }
+
+    /// [`Self::barycentrics`] of rays and the triangles that they hit, side by side, and for which of them f64
+    /// decides so: the others are left to [`Shear::intersect`]. Corners are by axis, then vertex.
+    #[inline(always)]
+    pub fn weigh<L: Doubles>(corners: [[L; 3]; 3], origin: V3<L>, direction: V3<L>) -> ([L; 3], u32) {
+        let [x, y, z] = direction;
+        // The first of the largest axes.
+        let second = x.abs().lt(y.abs());
+        let third = y.select(second, x).abs().lt(z.abs());
+        let second = second & !third;
+        let [dx, dy, dz] = turn(direction, second, third);
+        let [ox, oy, oz] = turn(origin, second, third);
+        let shear = [dx.div(dz), dy.div(dz)];
+        let [px, py, pz] = turn_rows(corners, second, third);
+        let (mut a, mut b, mut c) = ([ox; 3], [ox; 3], [ox; 3]);
+        for (vertex, to) in [(0, &mut a), (1, &mut b), (2, &mut c)] {
+            let along = pz[vertex].sub(oz);
+            *to = [
+                px[vertex].sub(ox).sub(shear[0].mul(along)),
+                py[vertex].sub(oy).sub(shear[1].mul(along)),
+                along,
+            ];
+        }
+        let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
+        let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
+        let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
+        let magnitude = a[0].abs().add(a[1].abs()).add(b[0].abs().add(b[1].abs())).add(c[0].abs().add(c[1].abs()));
+        let error = L::splat(2.0 * Shear::COORDINATE_ERROR_F64)
+            .mul(magnitude.add(L::splat(8.0 * Shear::COORDINATE_ERROR_F64)));
+        let (least, most) = (u.min(v).min(w), u.max(v).max(w));
+        let determinant = u.add(v).add(w);
+        let along = u.mul(a[2]).add(v.mul(b[2])).add(w.mul(c[2]));
+        let farthest = a[2].abs().max(b[2].abs()).max(c[2].abs());
+        let spread = a[2].max(b[2]).max(c[2]).sub(a[2].min(b[2]).min(c[2]));
+        let along_error = L::splat(3.0)
+            .mul(error)
+            .mul(spread)
+            .add(L::splat(Shear::DISTANCE_ERROR).mul(farthest).mul(determinant.abs()));
+        let one_side = error.lt(least) | most.lt(L::splat(0.0).sub(error));
+        let decided = one_side & L::splat(Shear::PRECISION).mul(along_error).lt(along.abs());
+        ([u.div(determinant), v.div(determinant), w.div(determinant)], decided)
+    }
+}
+
+/// The axes in the order of [`Shear`], where the second is the largest and where the third.
+#[inline(always)]
+fn turn<L: Lanes>([x, y, z]: V3<L>, second: u32, third: u32) -> V3<L> {
+    [
+        z.select(second, x.select(third, y)),
+        x.select(second, y.select(third, z)),
+        y.select(second, z.select(third, x)),
+    ]
+}
+
+#[inline(always)]
+fn turn_rows<L: Lanes>([x, y, z]: [[L; 3]; 3], second: u32, third: u32) -> [[L; 3]; 3] {
+    let a = turn([x[0], y[0], z[0]], second, third);
+    let b = turn([x[1], y[1], z[1]], second, third);
+    let c = turn([x[2], y[2], z[2]], second, third);
+    [[a[0], b[0], c[0]], [a[1], b[1], c[1]], [a[2], b[2], c[2]]]
 }
 
 impl Shear {

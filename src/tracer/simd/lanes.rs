@@ -60,7 +60,18 @@ pub trait Doubles: Lanes<Number = f64> {
     fn widen(from: &[f32]) -> Self;
     /// Rounded to the nearest.
     fn narrow(self, to: &mut [f32]);
+    /// Of positive normal numbers, the mantissa from 1/√2 to √2 and the exponent.
+    fn split(self) -> (Self, Self);
+    /// Times 2 to the power of whole numbers within ±1000.
+    fn scaled(self, exponent: Self) -> Self;
 }
+
+/// Bits of a double's mantissa.
+pub(super) const MANTISSA: u32 = 52;
+/// Bits of 1.0.
+pub(super) const ONE: u64 = 1.0f64.to_bits();
+/// Whole numbers added to it stand in its lowest bits.
+pub(super) const WHOLE: f64 = (1u64 << MANTISSA) as f64;
 
 macro_rules! scalar {
     ($number:ident) => {
@@ -151,11 +162,33 @@ impl Doubles for f64 {
     fn narrow(self, to: &mut [f32]) {
         to[0] = self as f32;
     }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let bits = self.to_bits();
+        let mantissa = Self::from_bits(bits & ((1 << MANTISSA) - 1) | ONE);
+        let exponent = Self::from_bits(bits >> MANTISSA | WHOLE.to_bits()) - (WHOLE + 1023.0);
+        let large = mantissa.gt(&std::f64::consts::SQRT_2);
+        if large { (mantissa * 0.5, exponent + 1.0) } else { (mantissa, exponent) }
+    }
+    #[inline(always)]
+    fn scaled(self, exponent: Self) -> Self {
+        self * Self::from_bits((exponent + (WHOLE + 1023.0)).to_bits() << MANTISSA)
+    }
 }
 
 /// Twice as many.
 #[derive(Clone, Copy)]
 pub struct Pair<L>(L, L);
+
+#[cfg(test)]
+impl<L> Pair<L> {
+    pub(in crate::tracer) fn pair(lower: L, upper: L) -> Self {
+        Self(lower, upper)
+    }
+    pub(in crate::tracer) fn lower(self) -> L {
+        self.0
+    }
+}
 
 impl<L: Lanes> Lanes for Pair<L> {
     type Number = L::Number;
@@ -244,5 +277,14 @@ impl<L: Doubles> Doubles for Pair<L> {
         let (lower, upper) = to.split_at_mut(L::N);
         self.0.narrow(lower);
         self.1.narrow(upper);
+    }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let (lower, upper) = (self.0.split(), self.1.split());
+        (Self(lower.0, upper.0), Self(lower.1, upper.1))
+    }
+    #[inline(always)]
+    fn scaled(self, exponent: Self) -> Self {
+        Self(self.0.scaled(exponent.0), self.1.scaled(exponent.1))
     }
 }

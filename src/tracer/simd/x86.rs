@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::*;
 
-use super::lanes::{Doubles, Lanes, Singles};
+use super::lanes::{Doubles, Lanes, MANTISSA, ONE, Singles, WHOLE};
 
 macro_rules! registers {
     ($name:ident($register:ident) of $number:ident x $n:literal:
@@ -205,6 +205,27 @@ impl Doubles for F64x2 {
         self.store(&mut numbers);
         (to[0], to[1]) = (numbers[0] as f32, numbers[1] as f32);
     }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        // SAFETY: as above.
+        let (mantissa, exponent) = unsafe {
+            let bits = _mm_castpd_si128(self.0);
+            let mantissa = _mm_and_si128(bits, _mm_set1_epi64x((1 << MANTISSA) - 1));
+            let exponent = _mm_srli_epi64::<52>(bits);
+            let one = _mm_or_si128(mantissa, _mm_set1_epi64x(ONE as i64));
+            let whole = _mm_or_si128(exponent, _mm_set1_epi64x(WHOLE.to_bits() as i64));
+            (Self(_mm_castsi128_pd(one)), Self(_mm_castsi128_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
+        };
+        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
+        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
+        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
+    }
+    #[inline(always)]
+    fn scaled(self, exponent: Self) -> Self {
+        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
+        // SAFETY: as above.
+        self.mul(Self(unsafe { _mm_castsi128_pd(_mm_slli_epi64::<52>(_mm_castpd_si128(whole.0))) }))
+    }
 }
 
 impl Doubles for F64x4 {
@@ -220,6 +241,27 @@ impl Doubles for F64x4 {
         // SAFETY: as above; four numbers are there.
         unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) }
     }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        // SAFETY: as above.
+        let (mantissa, exponent) = unsafe {
+            let bits = _mm256_castpd_si256(self.0);
+            let mantissa = _mm256_and_si256(bits, _mm256_set1_epi64x((1 << MANTISSA) - 1));
+            let exponent = _mm256_srli_epi64::<52>(bits);
+            let one = _mm256_or_si256(mantissa, _mm256_set1_epi64x(ONE as i64));
+            let whole = _mm256_or_si256(exponent, _mm256_set1_epi64x(WHOLE.to_bits() as i64));
+            (Self(_mm256_castsi256_pd(one)), Self(_mm256_castsi256_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
+        };
+        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
+        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
+        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
+    }
+    #[inline(always)]
+    fn scaled(self, exponent: Self) -> Self {
+        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
+        // SAFETY: as above.
+        self.mul(Self(unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(whole.0))) }))
+    }
 }
 
 impl Doubles for F64x8 {
@@ -234,5 +276,26 @@ impl Doubles for F64x8 {
         let to = &mut to[..8];
         // SAFETY: as above; eight numbers are there.
         unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm512_cvtpd_ps(self.0)) }
+    }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        // SAFETY: as above.
+        let (mantissa, exponent) = unsafe {
+            let bits = _mm512_castpd_si512(self.0);
+            let mantissa = _mm512_and_si512(bits, _mm512_set1_epi64((1 << MANTISSA) - 1));
+            let exponent = _mm512_srli_epi64::<52>(bits);
+            let one = _mm512_or_si512(mantissa, _mm512_set1_epi64(ONE as i64));
+            let whole = _mm512_or_si512(exponent, _mm512_set1_epi64(WHOLE.to_bits() as i64));
+            (Self(_mm512_castsi512_pd(one)), Self(_mm512_castsi512_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
+        };
+        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
+        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
+        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
+    }
+    #[inline(always)]
+    fn scaled(self, exponent: Self) -> Self {
+        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
+        // SAFETY: as above.
+        self.mul(Self(unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(whole.0))) }))
     }
 }

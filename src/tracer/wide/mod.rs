@@ -2,12 +2,16 @@
 //! batches of rays traced through it. Its hits are those of the single-ray kernel, bit by bit: lanes tell what is
 //! sure, the single-ray kernel's own functions decide the rest.
 
+pub mod batch;
+mod lighting;
 pub mod octree;
 pub mod packet;
 pub mod scene;
+mod surfaces;
 mod triangles;
 mod walk;
 
+pub use batch::BatchTracer;
 pub use octree::WideOctree;
 pub use walk::Counts;
 

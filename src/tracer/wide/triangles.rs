@@ -11,6 +11,7 @@
 
 use super::octree::Block;
 use crate::tracer::simd::lanes::{Lanes, Singles};
+use crate::tracer::vector::{cross, dot, sub};
 
 /// Half of the spacing of f32 below 1.
 const ROUNDING: f32 = 1.0 / (1 << 24) as f32;
@@ -68,7 +69,7 @@ impl<L: Singles> Triangles<L> {
     #[inline(always)]
     pub(super) fn of_block(block: &Block<'_>) -> Self {
         let (a, b, c): ([L; 3], [L; 3], [L; 3]) = (vertex(block, 0), vertex(block, 1), vertex(block, 2));
-        let edges = [difference(a, b), difference(c, a)];
+        let edges = [sub(a, b), sub(c, a)];
         let lengths = [length(edges[0]), length(edges[1])];
         let sum = lengths[0].add(lengths[1]);
         let edge_error = sum.mul(L::splat(40.0 * ROUNDING).add(sum.mul(L::splat(4.0 * ROUNDING))));
@@ -104,7 +105,7 @@ impl<L: Singles> Triangles<L> {
     /// Tests the lanes of `mask`.
     #[inline(always)]
     pub(super) fn test(&self, rays: &Rays<L>, mask: u32, far: L) -> Option<Tested<L>> {
-        let to_corner = difference(self.corner, rays.origin);
+        let to_corner = sub(self.corner, rays.origin);
         let moment = cross(to_corner, rays.direction);
         let determinant = dot(self.normal, rays.direction);
         let (u, v) = (dot(moment, self.edges[1]), dot(moment, self.edges[0]));
@@ -157,23 +158,4 @@ pub(super) fn vertex<L: Singles>(block: &Block<'_>, v: usize) -> [L; 3] {
 #[inline(always)]
 fn length<L: Lanes>(v: [L; 3]) -> L {
     v[0].abs().add(v[1].abs()).add(v[2].abs())
-}
-
-#[inline(always)]
-pub(super) fn difference<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
-}
-
-#[inline(always)]
-fn cross<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [
-        a[1].mul(b[2]).sub(a[2].mul(b[1])),
-        a[2].mul(b[0]).sub(a[0].mul(b[2])),
-        a[0].mul(b[1]).sub(a[1].mul(b[0])),
-    ]
-}
-
-#[inline(always)]
-fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }

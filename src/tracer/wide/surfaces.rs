@@ -1,0 +1,235 @@
+//! Where a wave's rays hit, side by side: the same numbers as [`Hit::surface_point`](crate::tracer::hit::Hit) and the
+//! single-ray kernel's shading normal, in lanes.
+
+use crate::database::records::{Material, Normals, Surface};
+use crate::tracer::hit::HitOn;
+use crate::tracer::primitives::triangle::TriangleHit;
+use crate::tracer::ray::{Ray, Source};
+use crate::tracer::simd::Registers;
+use crate::tracer::simd::lanes::{Doubles, Lanes};
+use crate::tracer::vector::{V3, cross, dot, load, normalise_or, scale, select, store, sub, weighted};
+
+use super::scene::Primitives;
+
+/// Lanes of doubles.
+pub(super) const DOUBLES: usize = 8;
+
+/// What shading reads besides the primitives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Looks<'a> {
+    pub surfaces: &'a [Surface],
+    pub normals: &'a [Normals],
+    pub materials: &'a [Material],
+}
+
+/// Rows of whole chunks of [`DOUBLES`]; what is beyond `count` means nothing.
+#[derive(Debug, Default)]
+pub(super) struct Surfaces {
+    pub count: usize,
+    /// Index of the ray in its wave.
+    pub ray: Vec<u32>,
+    pub primitive: Vec<u32>,
+    pub material: Vec<u32>,
+    pub source: Vec<Source>,
+    pub position: [Vec<f64>; 3],
+    /// Unit geometric normal, outward.
+    pub outward: [Vec<f64>; 3],
+    /// Unit shading normal, turned to where the ray comes from.
+    pub normal: [Vec<f64>; 3],
+    /// The ray's direction, reflected; not quite of unit length.
+    pub mirrored: [Vec<f64>; 3],
+    pub diffuse: [Vec<f32>; 3],
+    pub highlight: [Vec<f32>; 3],
+    pub shine: Vec<f32>,
+    pub radiance: [Vec<f32>; 3],
+}
+
+impl Surfaces {
+    /// Takes the rays that hit something.
+    pub(super) fn take(&mut self, primitives: &[u32], looks: &Looks<'_>) {
+        self.ray.clear();
+        self.primitive.clear();
+        self.material.clear();
+        self.source.clear();
+        for (ray, &primitive) in primitives.iter().enumerate() {
+            if primitive != super::packet::NONE {
+                self.ray.push(ray as u32);
+                self.primitive.push(primitive);
+                self.material.push(looks.surfaces[primitive as usize].material);
+            }
+        }
+        self.count = self.ray.len();
+        let padded = self.count.next_multiple_of(DOUBLES);
+        self.source.resize(padded, Source::Eye);
+        for rows in [&mut self.position, &mut self.outward, &mut self.normal, &mut self.mirrored] {
+            rows.iter_mut().for_each(|row| row.resize(padded, 0.0));
+        }
+        for rows in [&mut self.diffuse, &mut self.highlight, &mut self.radiance] {
+            rows.iter_mut().for_each(|row| row.resize(padded, 0.0));
+        }
+        self.radiance.iter_mut().for_each(|row| row.fill(0.0));
+        self.shine.resize(padded, 0.0);
+        for at in 0..self.count {
+            let material = &looks.materials[self.material[at] as usize];
+            for channel in 0..3 {
+                self.diffuse[channel][at] = material.diffuse[channel];
+                self.highlight[channel][at] = material.highlight[channel];
+            }
+            self.shine[at] = material.shine;
+        }
+    }
+
+    /// Computes positions, normals and mirrored directions.
+    #[inline(always)]
+    pub(super) fn place<R: Registers>(&mut self, rays: &[Ray], primitives: &Primitives<'_>, looks: &Looks<'_>) {
+        let mut chunk = Chunk::default();
+        for first in (0..self.count).step_by(DOUBLES) {
+            let lanes = DOUBLES.min(self.count - first);
+            let in_triangles = chunk.gather(self, first, lanes, rays, primitives, looks);
+            let placed = chunk.place::<R::D8>(self, first);
+            let mut left = !(in_triangles & placed) & ((1 << lanes) - 1);
+            while left != 0 {
+                let at = first + left.trailing_zeros() as usize;
+                left &= left - 1;
+                self.place_one(at, rays, primitives, looks);
+            }
+            chunk.mirror::<R::D8>(self, first);
+        }
+    }
+
+    /// What lanes leave: spheres, cones, and triangles that f64 cannot decide.
+    #[cold]
+    #[inline(never)]
+    fn place_one(&mut self, at: usize, rays: &[Ray], primitives: &Primitives<'_>, looks: &Looks<'_>) {
+        let ray = &rays[self.ray[at] as usize];
+        let Some(hit) = primitives.hit(ray, self.primitive[at]) else {
+            unreachable!("what was found to be hit is hit")
+        };
+        let point = hit.surface_point(ray);
+        let surface = looks.surfaces[self.primitive[at] as usize];
+        let mut normal = point.normal;
+        if let HitOn::Triangle { barycentrics, .. } = hit.on
+            && surface.normals != Surface::FLAT
+        {
+            let corners = &looks.normals[surface.normals as usize].0;
+            let corners = [corners[0].map(f64::from), corners[1].map(f64::from), corners[2].map(f64::from)];
+            normal = normalise_or(weighted(corners, barycentrics), normal.to_array()).into();
+        }
+        self.source[at] = point.source;
+        for axis in 0..3 {
+            self.position[axis][at] = point.position[axis];
+            self.outward[axis][at] = point.normal[axis];
+            self.normal[axis][at] = normal[axis];
+        }
+    }
+}
+
+/// What is gathered for [`DOUBLES`] hits.
+#[derive(Default)]
+struct Chunk {
+    /// Coordinates by axis, then vertex.
+    corners: [[[f32; DOUBLES]; 3]; 3],
+    normals: [[[f32; DOUBLES]; 3]; 3],
+    origin: [[f32; DOUBLES]; 3],
+    direction: [[f32; DOUBLES]; 3],
+    /// Lanes whose triangle has vertex normals.
+    smooth: u32,
+}
+
+impl Chunk {
+    /// Gathers what the lanes' rays hit; the lanes that hit triangles.
+    #[inline(always)]
+    fn gather(
+        &mut self,
+        surfaces: &mut Surfaces,
+        first: usize,
+        lanes: usize,
+        rays: &[Ray],
+        primitives: &Primitives<'_>,
+        looks: &Looks<'_>,
+    ) -> u32 {
+        let mut in_triangles = 0;
+        self.smooth = 0;
+        for lane in 0..lanes {
+            let ray = &rays[surfaces.ray[first + lane] as usize];
+            for axis in 0..3 {
+                self.origin[axis][lane] = ray.origin[axis];
+                self.direction[axis][lane] = ray.direction[axis];
+            }
+            let id = surfaces.primitive[first + lane];
+            let Some(triangle) = primitives.triangles.get(id as usize) else { continue };
+            in_triangles |= 1 << lane;
+            surfaces.source[first + lane] = Source::Polygon(triangle.polygon());
+            for axis in 0..3 {
+                for vertex in 0..3 {
+                    self.corners[axis][vertex][lane] = triangle.coordinates[axis][vertex];
+                }
+            }
+            let normals = looks.surfaces[id as usize].normals;
+            if normals != Surface::FLAT {
+                self.smooth |= 1 << lane;
+                let normals = &looks.normals[normals as usize].0;
+                for vertex in 0..3 {
+                    for axis in 0..3 {
+                        self.normals[vertex][axis][lane] = normals[vertex][axis];
+                    }
+                }
+            }
+        }
+        in_triangles
+    }
+
+    /// Positions and normals of hits on triangles; the lanes that f64 decides.
+    #[inline(always)]
+    fn place<L: Doubles>(&self, surfaces: &mut Surfaces, first: usize) -> u32 {
+        let (x, y, z) = (corners::<L>(&self.corners[0]), corners::<L>(&self.corners[1]), corners::<L>(&self.corners[2]));
+        let (origin, direction) = (widen::<L>(&self.origin), widen::<L>(&self.direction));
+        let (weights, decided) = TriangleHit::weigh([x, y, z], origin, direction);
+        let vertices = [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]];
+        let position = weighted(vertices, weights);
+        let across = cross(sub(vertices[1], vertices[0]), sub(vertices[2], vertices[0]));
+        let outward = normalise_or(across, [L::splat(0.0); 3]);
+        let mut normal = outward;
+        if self.smooth != 0 {
+            let [a, b, c] = &self.normals;
+            let smooth = normalise_or(weighted([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights), outward);
+            normal = select(self.smooth, smooth, outward);
+        }
+        store(position, &mut surfaces.position, first);
+        store(outward, &mut surfaces.outward, first);
+        store(normal, &mut surfaces.normal, first);
+        decided
+    }
+
+    /// Turns the normals to where the rays come from, and reflects the rays.
+    #[inline(always)]
+    fn mirror<L: Doubles>(&self, surfaces: &mut Surfaces, first: usize) {
+        let incoming = widen::<L>(&self.direction);
+        let normal = facing::<L>(load(&surfaces.normal, first), incoming);
+        store(normal, &mut surfaces.normal, first);
+        store(mirrored(incoming, normal), &mut surfaces.mirrored, first);
+    }
+}
+
+/// Turned to the side that the ray comes from.
+#[inline(always)]
+pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
+    let away = L::splat(0.0).lt(dot(incoming, normal));
+    let minus = L::splat(-1.0);
+    select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
+}
+
+#[inline(always)]
+pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
+    sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
+}
+
+#[inline(always)]
+fn corners<L: Doubles>(rows: &[[f32; DOUBLES]; 3]) -> [L; 3] {
+    [L::widen(&rows[0]), L::widen(&rows[1]), L::widen(&rows[2])]
+}
+
+#[inline(always)]
+fn widen<L: Doubles>(rows: &[[f32; DOUBLES]; 3]) -> V3<L> {
+    corners(rows)
+}
