@@ -11,6 +11,10 @@ use crate::tracer::octree::overlap::{Bounds, Cell, PADDING};
 /// Triangles in a block; a leaf with more has several.
 pub const BLOCK: usize = 16;
 
+/// A triangle that the octree lists in no more leaves than this is kept in only one, whose box then reaches beyond its
+/// cell.
+const WHOLE: u8 = 8;
+
 /// Leaves of one branch that hold no more different primitives than this together become one.
 const MERGED: usize = 12;
 
@@ -81,6 +85,43 @@ impl Fitted {
             hi: std::array::from_fn(|a| self.hi[a].max(other.hi[a])),
         }
     }
+
+    fn centre(&self) -> [f32; 3] {
+        std::array::from_fn(|a| 0.5 * (self.lo[a] + self.hi[a]))
+    }
+
+    /// Half of the surface.
+    fn area(&self) -> f32 {
+        let [x, y, z] = std::array::from_fn(|a| self.hi[a] - self.lo[a]);
+        x * y + y * z + z * x
+    }
+}
+
+/// A child to be, and its box.
+type Entry = (Child, Fitted);
+
+/// Up to eight children of a branch to be.
+#[derive(Clone, Copy)]
+struct Entries {
+    entries: [Entry; 8],
+    count: usize,
+}
+
+impl Entries {
+    const NONE: Self = Self { entries: [(Child::EMPTY, Fitted::EMPTY); 8], count: 0 };
+
+    fn push(&mut self, entry: Entry) {
+        self.entries[self.count] = entry;
+        self.count += 1;
+    }
+
+    fn all(&self) -> &[Entry] {
+        &self.entries[..self.count]
+    }
+
+    fn fitted(&self) -> Fitted {
+        self.all().iter().fold(Fitted::EMPTY, |all, entry| all.union(entry.1))
+    }
 }
 
 /// What a cell came to.
@@ -88,7 +129,8 @@ enum Made {
     Empty,
     /// Its ids are on top of the stack, from here on.
     Leaf(usize, Fitted),
-    Branch(Child, Fitted),
+    /// Not placed yet: the branch above may take its children for its own.
+    Branch(Entries),
 }
 
 impl WideOctree {
@@ -172,6 +214,8 @@ struct Derivation<'a> {
     triangles: &'a [Triangle],
     /// Of spheres, then cones.
     curved: Vec<Bounds>,
+    /// In how many leaves each triangle is listed, 255 for more.
+    listed: Vec<u8>,
     octree: WideOctree,
     /// Ids of the leaves that are not placed yet.
     stack: Vec<u32>,
@@ -182,10 +226,19 @@ impl<'a> Derivation<'a> {
         let database = database.database();
         let spheres: &[crate::database::records::Sphere] = database.records(Section::Spheres);
         let cones: &[crate::database::records::Cone] = database.records(Section::Cones);
+        let triangles: &[Triangle] = database.records(Section::Triangles);
+        let leaf_lists: &[LeafEntry] = database.records(Section::LeafLists);
+        let mut listed = vec![0u8; triangles.len()];
+        for entry in leaf_lists {
+            if let Some(listed) = listed.get_mut(entry.primitive().0 as usize) {
+                *listed = listed.saturating_add(1);
+            }
+        }
         Self {
             words: database.records(Section::OctreeNodes),
-            leaf_lists: database.records(Section::LeafLists),
-            triangles: database.records(Section::Triangles),
+            leaf_lists,
+            triangles,
+            listed,
             curved: spheres.iter().map(Bounds::of_sphere).chain(cones.iter().map(Bounds::of_cone)).collect(),
             // So many words may be read beyond the last row.
             octree: WideOctree { branches: Vec::new(), leaves: vec![0; BLOCK], root: Child::EMPTY },
@@ -197,14 +250,18 @@ impl<'a> Derivation<'a> {
         match self.words[word as usize].decode() {
             Some(OctreeNode::Leaf(first)) => {
                 let from = self.stack.len();
+                let mut fitted = Fitted::EMPTY;
                 for entry in &self.leaf_lists[first as usize..] {
-                    self.stack.push(entry.primitive().0);
+                    let id = entry.primitive().0;
+                    if let Some(part) = self.part(id, cell) {
+                        self.stack.push(id);
+                        fitted = fitted.union(part);
+                    }
                     if entry.is_last() {
                         break;
                     }
                 }
-                let fitted = self.fit(from, cell);
-                Made::Leaf(from, fitted)
+                if self.stack.len() == from { Made::Empty } else { Made::Leaf(from, fitted) }
             }
             Some(OctreeNode::Branch(block)) => self.branch(block, cell),
             Some(OctreeNode::EmptyLeaf) | None => Made::Empty,
@@ -213,35 +270,93 @@ impl<'a> Derivation<'a> {
 
     fn branch(&mut self, block: u32, cell: Cell) -> Made {
         let from = self.stack.len();
-        let number = self.octree.branches.len();
-        // Its place is before those of its children, as they are visited.
-        self.octree.branches.push(Branch { planes: [[0.0; 8]; 6], children: [Child::EMPTY; 8] });
         let made: [Made; 8] = std::array::from_fn(|octant| self.cell(block * 8 + octant as u32, cell.child(octant)));
-        if number + 1 == self.octree.branches.len()
-            && let Some(fitted) = self.merged(from, &made)
-        {
-            self.octree.branches.pop();
+        if let Some(fitted) = self.merged(from, &made) {
             return if self.stack.len() == from { Made::Empty } else { Made::Leaf(from, fitted) };
         }
-        let mut branch = Branch { planes: [[0.0; 8]; 6], children: [Child::EMPTY; 8] };
-        let mut whole = Fitted::EMPTY;
+        let (mut open, mut entries) = ([const { None }; 8], Entries::NONE);
+        let mut opened = 0;
         // The last leaf's ids are on top.
-        for (octant, made) in made.into_iter().enumerate().rev() {
-            let (child, fitted) = self.place(made);
+        for made in made.into_iter().rev() {
+            match made {
+                Made::Branch(below) => {
+                    open[opened] = Some(below);
+                    opened += 1;
+                }
+                Made::Empty => {}
+                Made::Leaf(..) => {
+                    let leaf = self.place(made);
+                    entries.push(leaf);
+                }
+            }
+        }
+        self.adopt(&mut entries, &mut open[..opened]);
+        Made::Branch(entries)
+    }
+
+    /// Fills up the places that are left with the children of the largest branches, then places the others.
+    fn adopt(&mut self, entries: &mut Entries, open: &mut [Option<Entries>]) {
+        open.sort_by(|a, b| {
+            let area = |below: &Option<Entries>| below.map_or(0.0, |below| below.fitted().area());
+            area(b).total_cmp(&area(a))
+        });
+        let mut waiting = open.len();
+        for below in open {
+            let Some(below) = below.take() else { continue };
+            waiting -= 1;
+            if entries.count + below.count + waiting <= 8 {
+                below.all().iter().for_each(|&entry| entries.push(entry));
+            } else {
+                let placed = self.place_branch(&below);
+                entries.push(placed);
+            }
+        }
+    }
+
+    /// Each child goes to the octant that it lies towards, as far as that is free: what rays meet first comes first.
+    fn place_branch(&mut self, below: &Entries) -> Entry {
+        let whole = below.fitted();
+        let centre = whole.centre();
+        let mut branch = Branch { planes: [[0.0; 8]; 6], children: [Child::EMPTY; 8] };
+        for row in 0..3 {
+            (branch.planes[row], branch.planes[row + 3]) = ([f32::INFINITY; 8], [f32::NEG_INFINITY; 8]);
+        }
+        let mut towards = [[0.0; 8]; 8];
+        for (entry, towards) in below.all().iter().zip(&mut towards) {
+            let at = entry.1.centre();
+            let [x, y, z] = std::array::from_fn(|a| at[a] - centre[a]);
+            for (octant, towards) in towards.iter_mut().enumerate() {
+                let sign = |axis: usize, by: f32| if octant >> axis & 1 == 1 { by } else { -by };
+                *towards = sign(0, x) + sign(1, y) + sign(2, z);
+            }
+        }
+        let (mut left, mut free) = ((1u32 << below.count) - 1, 0xffu32);
+        while left != 0 {
+            let mut best = (f32::NEG_INFINITY, left.trailing_zeros() as usize, free.trailing_zeros() as usize);
+            for entry in (0..below.count).filter(|entry| left >> entry & 1 == 1) {
+                for octant in (0..8).filter(|octant| free >> octant & 1 == 1) {
+                    if towards[entry][octant] > best.0 {
+                        best = (towards[entry][octant], entry, octant);
+                    }
+                }
+            }
+            let (_, entry, octant) = best;
+            left &= !(1 << entry);
+            free &= !(1 << octant);
+            let (child, fitted) = below.entries[entry];
             branch.children[octant] = child;
             for axis in 0..3 {
                 branch.planes[axis][octant] = fitted.lo[axis] - MARGIN;
                 branch.planes[axis + 3][octant] = fitted.hi[axis] + MARGIN;
             }
-            whole = whole.union(fitted);
         }
-        self.octree.branches[number] = branch;
-        Made::Branch(Child(number as u32), whole)
+        self.octree.branches.push(branch);
+        (Child(self.octree.branches.len() as u32 - 1), whole)
     }
 
     /// Makes one leaf of a branch's if they hold little; their ids are those of the stack from `from` on.
     fn merged(&mut self, from: usize, made: &[Made; 8]) -> Option<Fitted> {
-        if self.stack.len() - from > 4 * MERGED {
+        if self.stack.len() - from > 4 * MERGED || made.iter().any(|made| matches!(made, Made::Branch(_))) {
             return None;
         }
         let mut ids: Vec<u32> = self.stack[from..].to_vec();
@@ -256,37 +371,42 @@ impl<'a> Derivation<'a> {
         Some(fitted.fold(Fitted::EMPTY, Fitted::union))
     }
 
-    /// The box around what the primitives from `from` on have in the cell.
-    fn fit(&self, from: usize, cell: Cell) -> Fitted {
-        let mut all = Fitted::EMPTY;
-        for &id in &self.stack[from..] {
-            let one = match self.triangles.get(id as usize) {
-                Some(triangle) => {
-                    let [x, y, z] = &triangle.coordinates;
-                    let least = |c: &[f32; 3]| c[0].min(c[1]).min(c[2]);
-                    let most = |c: &[f32; 3]| c[0].max(c[1]).max(c[2]);
-                    Fitted { lo: [least(x), least(y), least(z)], hi: [most(x), most(y), most(z)] }
-                }
-                None => {
-                    let bounds = &self.curved[id as usize - self.triangles.len()];
-                    let pad = |at: DVec3, by: f64| (at + by).as_vec3().to_array();
-                    Fitted { lo: pad(bounds.lo, -PADDING), hi: pad(bounds.hi, PADDING) }
-                }
-            };
-            all = all.union(one);
-        }
+    /// The box around what a cell is to hold of a primitive, if anything.
+    fn part(&self, id: u32, cell: Cell) -> Option<Fitted> {
         let (centre, half) = (cell.centre.as_vec3(), cell.half as f32);
-        Fitted {
-            lo: std::array::from_fn(|a| all.lo[a].max(centre[a] - half)),
-            hi: std::array::from_fn(|a| all.hi[a].min(centre[a] + half)),
-        }
+        let (lo, hi) = match self.triangles.get(id as usize) {
+            Some(triangle) => {
+                let [x, y, z] = &triangle.coordinates;
+                let least = |c: &[f32; 3]| c[0].min(c[1]).min(c[2]);
+                let most = |c: &[f32; 3]| c[0].max(c[1]).max(c[2]);
+                let (lo, hi) = ([least(x), least(y), least(z)], [most(x), most(y), most(z)]);
+                if self.listed[id as usize] <= WHOLE {
+                    // One cell alone holds this corner, which the triangle reaches into: it is listed there.
+                    let holds = |axis: usize| {
+                        let corner = triangle.coordinates[axis][0];
+                        centre[axis] - half <= corner && corner < centre[axis] + half
+                    };
+                    return (holds(0) && holds(1) && holds(2)).then_some(Fitted { lo, hi });
+                }
+                (lo, hi)
+            }
+            None => {
+                let bounds = &self.curved[id as usize - self.triangles.len()];
+                let pad = |at: DVec3, by: f64| (at + by).as_vec3().to_array();
+                (pad(bounds.lo, -PADDING), pad(bounds.hi, PADDING))
+            }
+        };
+        Some(Fitted {
+            lo: std::array::from_fn(|a| lo[a].max(centre[a] - half)),
+            hi: std::array::from_fn(|a| hi[a].min(centre[a] + half)),
+        })
     }
 
     /// Gives a cell its place in the octree; the ids of a leaf are taken off the stack.
     fn place(&mut self, made: Made) -> (Child, Fitted) {
         match made {
             Made::Empty => (Child::EMPTY, Fitted::EMPTY),
-            Made::Branch(child, fitted) => (child, fitted),
+            Made::Branch(below) => self.place_branch(&below),
             Made::Leaf(from, fitted) => {
                 let child = self.leaf(from);
                 self.stack.truncate(from);
