@@ -4,19 +4,17 @@
 use glam::DVec3;
 
 use crate::database::Section;
-use crate::database::records::{LeafEntry, OctreeNode, OctreeWord, Triangle};
+use crate::database::records::Triangle;
 use crate::database::verify::Verified;
-use crate::tracer::octree::overlap::{Bounds, Cell, PADDING};
+use crate::tracer::octree::overlap::{Bounds, PADDING};
 
 /// Triangles in a block; a leaf with more has several.
 pub const BLOCK: usize = 16;
 
-/// A triangle that the octree lists in no more leaves than this is kept in only one, whose box then reaches beyond its
-/// cell.
-const WHOLE: u8 = 8;
-
-/// Leaves of one branch that hold no more different primitives than this together become one.
-const MERGED: usize = 12;
+/// A cell that holds no more primitives than this is a leaf.
+static LEAF_: std::sync::OnceLock<usize> = std::sync::OnceLock::new();
+pub fn tune(n: &str, d: usize) -> usize { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) }
+#[allow(non_snake_case)] fn LEAF() -> usize { *LEAF_.get_or_init(|| tune("LEAF", 16)) }
 
 /// Boxes are wider by this, so that a ray which runs within a face of one is inside of it.
 const MARGIN: f32 = 1.0 / (1 << 23) as f32;
@@ -126,21 +124,77 @@ impl Entries {
 
 /// What a cell came to.
 enum Made {
-    Empty,
-    /// Its ids are on top of the stack, from here on.
-    Leaf(usize, Fitted),
+    Leaf(Entry),
     /// Not placed yet: the branch above may take its children for its own.
     Branch(Entries),
 }
 
 impl WideOctree {
-    /// Derives it from a database's octree: the same cells, but that small leaves of one branch are merged.
+    /// Derives it from a database's primitives.
     pub fn derive(database: &Verified) -> Self {
         let mut derivation = Derivation::new(database);
-        let made = derivation.cell(0, Cell::ROOT);
-        let (root, _) = derivation.place(made);
-        derivation.octree.root = root;
+        let all = derivation.items.len();
+        if all > 0 {
+            let (root, _) = match derivation.cell(0, all, 0) {
+                Made::Leaf(entry) => entry,
+                Made::Branch(below) => derivation.place_branch(&below),
+            };
+            derivation.octree.root = root;
+        }
         derivation.octree
+    }
+
+    /// Adds a leaf; ids of triangles come first.
+    fn append(&mut self, all: &[Triangle], ids: impl Iterator<Item = u32> + Clone) -> Child {
+        let leaves = &mut self.leaves;
+        leaves.truncate(leaves.len() - BLOCK);
+        let first = leaves.len();
+        let triangles = ids.clone().take_while(|id| (*id as usize) < all.len()).count();
+        let curved = ids.clone().count() - triangles;
+        leaves.extend([triangles as u32, curved as u32]);
+        let mut rest = ids;
+        let mut left = triangles;
+        while left > 0 {
+            let count = left.min(BLOCK);
+            left -= count;
+            let start = leaves.len();
+            leaves.resize(start + ROWS * count, 0);
+            let rows = &mut leaves[start..];
+            for (at, id) in rest.by_ref().take(count).enumerate() {
+                let triangle = &all[id as usize];
+                for (row, coordinate) in triangle.coordinates.iter().flatten().enumerate() {
+                    rows[row * count + at] = coordinate.to_bits();
+                }
+                rows[9 * count + at] = id;
+                rows[10 * count + at] = triangle.polygon();
+            }
+        }
+        leaves.extend(rest);
+        leaves.extend([0; BLOCK]);
+        Child(first as u32 | Child::LEAF)
+    }
+
+    pub fn census(&self) -> String {
+        let fill: usize = self.branches.iter().map(|b| b.children.iter().filter(|c| **c != Child::EMPTY).count()).sum();
+        let leaves: Vec<_> = self.branches.iter().flat_map(|b| b.children.iter().filter(|c| **c != Child::EMPTY && c.is_leaf())).collect();
+        let tris: usize = leaves.iter().map(|c| self.leaves[c.index()] as usize).sum();
+        format!("branches {} fill {:.2} leaves {} tris/leaf {:.2} refs {}", self.branches.len(), fill as f64 / self.branches.len() as f64, leaves.len(), tris as f64 / leaves.len() as f64, tris)
+    }
+
+    #[inline(always)]
+    pub(super) fn prefetch(&self, child: Child) {
+        #[cfg(target_arch = "x86_64")]
+        unsafe {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let (p, n): (*const i8, usize) = if child.is_leaf() {
+                (self.leaves.as_ptr().wrapping_add(child.index()).cast(), 6)
+            } else {
+                (self.branches.as_ptr().wrapping_add(child.index()).cast(), 4)
+            };
+            for i in 0..n {
+                _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(64 * i));
+            }
+        }
     }
 
     pub fn bytes(&self) -> u64 {
@@ -208,87 +262,84 @@ impl Block<'_> {
     }
 }
 
+/// A primitive on its way to a leaf.
+#[derive(Clone, Copy)]
+struct Item {
+    /// Interleaved bits of the centre of its box, x the lowest: the cells of an octree, from the root's octant down.
+    code: u64,
+    id: u32,
+}
+
+/// Levels that a code tells apart.
+const LEVELS: u32 = 21;
+
 struct Derivation<'a> {
-    words: &'a [OctreeWord],
-    leaf_lists: &'a [LeafEntry],
     triangles: &'a [Triangle],
     /// Of spheres, then cones.
     curved: Vec<Bounds>,
-    /// In how many leaves each triangle is listed, 255 for more.
-    listed: Vec<u8>,
     octree: WideOctree,
-    /// Ids of the leaves that are not placed yet.
-    stack: Vec<u32>,
+    items: Vec<Item>,
 }
 
 impl<'a> Derivation<'a> {
     fn new(database: &'a Verified) -> Self {
         let database = database.database();
+        let triangles: &[Triangle] = database.records(Section::Triangles);
         let spheres: &[crate::database::records::Sphere] = database.records(Section::Spheres);
         let cones: &[crate::database::records::Cone] = database.records(Section::Cones);
-        let triangles: &[Triangle] = database.records(Section::Triangles);
-        let leaf_lists: &[LeafEntry] = database.records(Section::LeafLists);
-        let mut listed = vec![0u8; triangles.len()];
-        for entry in leaf_lists {
-            if let Some(listed) = listed.get_mut(entry.primitive().0 as usize) {
-                *listed = listed.saturating_add(1);
-            }
-        }
-        Self {
-            words: database.records(Section::OctreeNodes),
-            leaf_lists,
+        let mut derivation = Self {
             triangles,
-            listed,
             curved: spheres.iter().map(Bounds::of_sphere).chain(cones.iter().map(Bounds::of_cone)).collect(),
             // So many words may be read beyond the last row.
             octree: WideOctree { branches: Vec::new(), leaves: vec![0; BLOCK], root: Child::EMPTY },
-            stack: Vec::new(),
-        }
+            items: Vec::new(),
+        };
+        let ids = 0..(triangles.len() + derivation.curved.len()) as u32;
+        derivation.items = ids.map(|id| Item { code: code(derivation.fitted(id).centre()), id }).collect();
+        derivation.items.sort_unstable_by_key(|item| (item.code, item.id));
+        derivation
     }
 
-    fn cell(&mut self, word: u32, cell: Cell) -> Made {
-        match self.words[word as usize].decode() {
-            Some(OctreeNode::Leaf(first)) => {
-                let from = self.stack.len();
-                let mut fitted = Fitted::EMPTY;
-                for entry in &self.leaf_lists[first as usize..] {
-                    let id = entry.primitive().0;
-                    if let Some(part) = self.part(id, cell) {
-                        self.stack.push(id);
-                        fitted = fitted.union(part);
-                    }
-                    if entry.is_last() {
-                        break;
-                    }
-                }
-                if self.stack.len() == from { Made::Empty } else { Made::Leaf(from, fitted) }
+    /// The box of a primitive.
+    fn fitted(&self, id: u32) -> Fitted {
+        match self.triangles.get(id as usize) {
+            Some(triangle) => {
+                let [x, y, z] = &triangle.coordinates;
+                let least = |c: &[f32; 3]| c[0].min(c[1]).min(c[2]);
+                let most = |c: &[f32; 3]| c[0].max(c[1]).max(c[2]);
+                Fitted { lo: [least(x), least(y), least(z)], hi: [most(x), most(y), most(z)] }
             }
-            Some(OctreeNode::Branch(block)) => self.branch(block, cell),
-            Some(OctreeNode::EmptyLeaf) | None => Made::Empty,
+            None => {
+                let bounds = &self.curved[id as usize - self.triangles.len()];
+                let pad = |at: DVec3, by: f64| (at + by).as_vec3().to_array();
+                Fitted { lo: pad(bounds.lo, -PADDING), hi: pad(bounds.hi, PADDING) }
+            }
         }
     }
 
-    fn branch(&mut self, block: u32, cell: Cell) -> Made {
-        let from = self.stack.len();
-        let made: [Made; 8] = std::array::from_fn(|octant| self.cell(block * 8 + octant as u32, cell.child(octant)));
-        if let Some(fitted) = self.merged(from, &made) {
-            return if self.stack.len() == from { Made::Empty } else { Made::Leaf(from, fitted) };
+    /// Makes what holds `items[from..to]`, which are of one cell of this level.
+    fn cell(&mut self, from: usize, to: usize, level: u32) -> Made {
+        if to - from <= LEAF() || level == LEVELS {
+            return Made::Leaf(self.leaf(from, to));
+        }
+        let shift = 3 * (LEVELS - 1 - level);
+        let octant = |item: &Item| (item.code >> shift & 7) as usize;
+        if octant(&self.items[from]) == octant(&self.items[to - 1]) {
+            return self.cell(from, to, level + 1);
         }
         let (mut open, mut entries) = ([const { None }; 8], Entries::NONE);
-        let mut opened = 0;
-        // The last leaf's ids are on top.
-        for made in made.into_iter().rev() {
-            match made {
+        let (mut opened, mut start) = (0, from);
+        while start < to {
+            let here = octant(&self.items[start]);
+            let end = start + self.items[start..to].partition_point(|item| octant(item) == here);
+            match self.cell(start, end, level + 1) {
+                Made::Leaf(entry) => entries.push(entry),
                 Made::Branch(below) => {
                     open[opened] = Some(below);
                     opened += 1;
                 }
-                Made::Empty => {}
-                Made::Leaf(..) => {
-                    let leaf = self.place(made);
-                    entries.push(leaf);
-                }
             }
+            start = end;
         }
         self.adopt(&mut entries, &mut open[..opened]);
         Made::Branch(entries)
@@ -354,96 +405,27 @@ impl<'a> Derivation<'a> {
         (Child(self.octree.branches.len() as u32 - 1), whole)
     }
 
-    /// Makes one leaf of a branch's if they hold little; their ids are those of the stack from `from` on.
-    fn merged(&mut self, from: usize, made: &[Made; 8]) -> Option<Fitted> {
-        if self.stack.len() - from > 4 * MERGED || made.iter().any(|made| matches!(made, Made::Branch(_))) {
-            return None;
-        }
-        let mut ids: Vec<u32> = self.stack[from..].to_vec();
-        ids.sort_unstable();
-        ids.dedup();
-        if ids.len() > MERGED {
-            return None;
-        }
-        self.stack.truncate(from);
-        self.stack.extend(ids);
-        let fitted = made.iter().map(|made| if let Made::Leaf(_, fitted) = made { *fitted } else { Fitted::EMPTY });
-        Some(fitted.fold(Fitted::EMPTY, Fitted::union))
+    fn leaf(&mut self, from: usize, to: usize) -> Entry {
+        let items = &mut self.items[from..to];
+        // Triangles first.
+        items.sort_unstable_by_key(|item| item.id);
+        let fitted = self.items[from..to].iter().fold(Fitted::EMPTY, |all, item| all.union(self.fitted(item.id)));
+        let ids = self.items[from..to].iter().map(|item| item.id);
+        (self.octree.append(self.triangles, ids), fitted)
     }
+}
 
-    /// The box around what a cell is to hold of a primitive, if anything.
-    fn part(&self, id: u32, cell: Cell) -> Option<Fitted> {
-        let (centre, half) = (cell.centre.as_vec3(), cell.half as f32);
-        let (lo, hi) = match self.triangles.get(id as usize) {
-            Some(triangle) => {
-                let [x, y, z] = &triangle.coordinates;
-                let least = |c: &[f32; 3]| c[0].min(c[1]).min(c[2]);
-                let most = |c: &[f32; 3]| c[0].max(c[1]).max(c[2]);
-                let (lo, hi) = ([least(x), least(y), least(z)], [most(x), most(y), most(z)]);
-                if self.listed[id as usize] <= WHOLE {
-                    // One cell alone holds this corner, which the triangle reaches into: it is listed there.
-                    let holds = |axis: usize| {
-                        let corner = triangle.coordinates[axis][0];
-                        centre[axis] - half <= corner && corner < centre[axis] + half
-                    };
-                    return (holds(0) && holds(1) && holds(2)).then_some(Fitted { lo, hi });
-                }
-                (lo, hi)
-            }
-            None => {
-                let bounds = &self.curved[id as usize - self.triangles.len()];
-                let pad = |at: DVec3, by: f64| (at + by).as_vec3().to_array();
-                (pad(bounds.lo, -PADDING), pad(bounds.hi, PADDING))
-            }
-        };
-        Some(Fitted {
-            lo: std::array::from_fn(|a| lo[a].max(centre[a] - half)),
-            hi: std::array::from_fn(|a| hi[a].min(centre[a] + half)),
-        })
-    }
-
-    /// Gives a cell its place in the octree; the ids of a leaf are taken off the stack.
-    fn place(&mut self, made: Made) -> (Child, Fitted) {
-        match made {
-            Made::Empty => (Child::EMPTY, Fitted::EMPTY),
-            Made::Branch(below) => self.place_branch(&below),
-            Made::Leaf(from, fitted) => {
-                let child = self.leaf(from);
-                self.stack.truncate(from);
-                (child, fitted)
-            }
-        }
-    }
-
-    fn leaf(&mut self, from: usize) -> Child {
-        let ids = &self.stack[from..];
-        let leaves = &mut self.octree.leaves;
-        leaves.truncate(leaves.len() - BLOCK);
-        let first = leaves.len();
-        let is_triangle = |id: &&u32| (**id as usize) < self.triangles.len();
-        let triangles = ids.iter().filter(is_triangle).count();
-        leaves.extend([triangles as u32, (ids.len() - triangles) as u32]);
-        let mut block = [0; BLOCK];
-        let mut rest = ids.iter().filter(is_triangle).copied();
-        let mut left = triangles;
-        while left > 0 {
-            let count = left.min(BLOCK);
-            left -= count;
-            block[..count].iter_mut().zip(&mut rest).for_each(|(to, id)| *to = id);
-            let start = leaves.len();
-            leaves.resize(start + ROWS * count, 0);
-            let rows = &mut leaves[start..];
-            for (at, &id) in block[..count].iter().enumerate() {
-                let triangle = &self.triangles[id as usize];
-                for (row, coordinate) in triangle.coordinates.iter().flatten().enumerate() {
-                    rows[row * count + at] = coordinate.to_bits();
-                }
-                rows[9 * count + at] = id;
-                rows[10 * count + at] = triangle.polygon();
-            }
-        }
-        leaves.extend(ids.iter().filter(|id| !is_triangle(id)));
-        leaves.extend([0; BLOCK]);
-        Child(first as u32 | Child::LEAF)
-    }
+/// Interleaves 21 bits of each coordinate.
+fn code(centre: [f32; 3]) -> u64 {
+    let spread = |x: f32| {
+        let cells = (1u32 << LEVELS) as f32;
+        // Saturates; what is not a number is 0.
+        let mut bits = (((x + 1.0) * (0.5 * cells)) as u64).min((1 << LEVELS) - 1);
+        bits = (bits | bits << 32) & 0x001f_0000_0000_ffff;
+        bits = (bits | bits << 16) & 0x001f_0000_ff00_00ff;
+        bits = (bits | bits << 8) & 0x100f_00f0_0f00_f00f;
+        bits = (bits | bits << 4) & 0x10c3_0c30_c30c_30c3;
+        (bits | bits << 2) & 0x1249_2492_4924_9249
+    };
+    spread(centre[0]) | spread(centre[1]) << 1 | spread(centre[2]) << 2
 }

@@ -40,6 +40,8 @@ pub struct Scratch {
     stack_of_one: Box<[WaitingOne; STACK]>,
     rows: Rows,
     pub counts: Counts,
+    few: u32,
+    pre: u32,
 }
 
 /// What walks did.
@@ -65,6 +67,8 @@ impl Scratch {
             stack_of_one: Box::new([WaitingOne { enter: 0.0, child: Child::EMPTY }; STACK]),
             rows: Rows::ZERO,
             counts: Counts::default(),
+            few: super::octree::tune("FEW", 2) as u32,
+            pre: super::octree::tune("PRE", 0) as u32,
         }
     }
 }
@@ -121,7 +125,7 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
             let far = R::F16::load(&packet.far).mul(R::F16::splat(SLACK));
             next.mask & R::F16::load(&next.enter).le(far)
         };
-        if mask.count_ones() <= FEW {
+        if mask.count_ones() <= scratch.few {
             let mut rest = mask;
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
@@ -153,6 +157,7 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
                     enter.store(&mut entry.enter);
                     (entry.child, entry.mask) = (branch.children[octant], met & mask);
                     waiting += 1;
+                    if scratch.pre & 1 == 1 { octree.prefetch(branch.children[octant]); }
                 }
             }
         }
@@ -424,6 +429,7 @@ fn walk_one<R: Registers, const ANY: bool>(
                 let octant = (last as usize ^ packet.mirror) & 7;
                 scratch.stack_of_one[waiting] = WaitingOne { enter: enters[octant], child: branch.children[octant] };
                 waiting += 1;
+                if scratch.pre & 2 == 2 { octree.prefetch(branch.children[octant]); }
             }
         }
         // The next one that is not beyond what was hit since.
