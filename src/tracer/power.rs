@@ -2,7 +2,8 @@
 
 use super::simd::lanes::Doubles;
 
-/// `base`ⁿ for a positive base; to some 10⁻¹² of it while |n·log₂ base| is below 1000, beyond 2⁻¹⁰⁰⁰ or 2¹⁰⁰⁰.
+/// `base`ⁿ for a positive base, between 2⁻¹⁰⁰⁰ and 2¹⁰⁰⁰: to a few 10⁻¹⁰ of it, and n times 10⁻¹¹, a tenth of what
+/// f32 holds.
 #[inline(always)]
 pub fn power<L: Doubles>(base: L, n: L) -> L {
     let exponent = logarithm(base).mul(n);
@@ -17,8 +18,8 @@ fn logarithm<L: Doubles>(x: L) -> L {
     let one = L::splat(1.0);
     let s = mantissa.sub(one).div(mantissa.add(one));
     let square = s.mul(s);
-    let mut sum = L::splat(1.0 / 15.0);
-    for odd in [13.0, 11.0, 9.0, 7.0, 5.0, 3.0, 1.0] {
+    let mut sum = L::splat(1.0 / 11.0);
+    for odd in [9.0, 7.0, 5.0, 3.0, 1.0] {
         sum = sum.mul(square).add(L::splat(1.0 / odd));
     }
     exponent.add(s.mul(sum).mul(L::splat(2.0 * std::f64::consts::LOG2_E)))
@@ -31,8 +32,8 @@ fn exponential<L: Doubles>(x: L) -> L {
     let whole_only = L::splat(1.5 * (1u64 << 52) as f64);
     let whole = x.add(whole_only).sub(whole_only);
     let f = x.sub(whole).mul(L::splat(std::f64::consts::LN_2));
-    let mut sum = L::splat(1.0 / 39_916_800.0);
-    for factorial in [3_628_800.0, 362_880.0, 40_320.0, 5_040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
+    let mut sum = L::splat(1.0 / 362_880.0);
+    for factorial in [40_320.0, 5_040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
         sum = sum.mul(f).add(L::splat(1.0 / factorial));
     }
     sum.scaled(whole)
@@ -45,17 +46,14 @@ mod tests {
 
     #[test]
     fn powers_are_those_of_libm() {
-        let mut worst = 0.0f64;
         for i in 1..2000 {
             let base = f64::from((f64::from(i) / 1990.0) as f32);
             for n in [0.0, 0.5, 1.0, 3.0, 10.0, 27.5, 100.0, 1000.0] {
                 let expected = libm::pow(base, n);
-                if expected > 1e-300 {
-                    worst = worst.max((power(base, n) / expected - 1.0).abs());
-                }
+                let error = (power(base, n) / expected - 1.0).abs();
+                assert!(expected < 1e-300 || error < 5e-10 + n * 3e-11, "{base} to the {n}: off by {error}");
             }
         }
-        assert!(worst < 1e-11, "{worst}");
     }
 
     #[test]

@@ -16,8 +16,8 @@ pub struct PrimaryRays {
     /// Half the width and height of the image plane at distance 1, as vectors.
     right: DVec3,
     up: DVec3,
-    width: f64,
-    height: f64,
+    /// A pixel's width and height, where the image's are 2.
+    step: [f64; 2],
     normalisation: Normalisation,
 }
 
@@ -33,8 +33,7 @@ impl PrimaryRays {
             forward,
             right: right * (half_height * width / height),
             up: right.cross(forward) * half_height,
-            width,
-            height,
+            step: [2.0 / width, 2.0 / height],
             normalisation: header.normalisation,
         }
     }
@@ -47,9 +46,9 @@ impl PrimaryRays {
     /// Unit directions through the centres of pixels.
     #[inline(always)]
     pub fn directions<L: Doubles>(&self, x: L, y: L) -> V3<L> {
-        let (one, two, half) = (L::splat(1.0), L::splat(2.0), L::splat(0.5));
-        let across = two.mul(x.add(half)).div(L::splat(self.width)).sub(one);
-        let upward = one.sub(two.mul(y.add(half)).div(L::splat(self.height)));
+        let (one, half) = (L::splat(1.0), L::splat(0.5));
+        let across = x.add(half).mul(L::splat(self.step[0])).sub(one);
+        let upward = one.sub(y.add(half).mul(L::splat(self.step[1])));
         let right = scale(splat(self.right.to_array()), across);
         let up = scale(splat(self.up.to_array()), upward);
         normalise(add(add(splat(self.forward.to_array()), right), up))

@@ -78,7 +78,8 @@ pub fn entering<L: Doubles>(origin: [f64; 3], direction: V3<L>) -> (V3<L>, L, u3
     for axis in 0..3 {
         let (o, d) = (origin[axis], direction[axis]);
         let parallel = d.abs().le(L::splat(0.0));
-        let (a, b) = (L::splat(-1.0 - o).div(d), L::splat(1.0 - o).div(d));
+        let inverse = one.div(d);
+        let (a, b) = (L::splat(-1.0 - o).mul(inverse), L::splat(1.0 - o).mul(inverse));
         enter = enter.select(parallel, enter.max(a.min(b)));
         leave = leave.select(parallel, leave.min(a.max(b)));
         possible &= d.abs().lt(infinity);

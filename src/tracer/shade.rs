@@ -146,7 +146,7 @@ impl Shader {
             let (position, colour) = self.lights[light];
             let to_light = position - point.position;
             let distance = to_light.length();
-            let direction = to_light / distance;
+            let direction = to_light * (1.0 / distance);
             let cosine = normal.dot(direction);
             // False for NaN too: a light on the very point of the surface does not light it.
             if !(cosine > 0.0) {

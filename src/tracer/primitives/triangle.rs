@@ -34,8 +34,8 @@ pub struct TriangleHit {
 impl TriangleHit {
     pub fn barycentrics(&self) -> [f64; 3] {
         let [u, v, w] = self.edge_functions;
-        let sum = u + v + w;
-        [u / sum, v / sum, w / sum]
+        let share = 1.0 / (u + v + w);
+        [u * share, v * share, w * share]
     }
 
     /// [`Self::barycentrics`] of rays and the triangles that they hit, side by side, and for which of them f64
@@ -77,7 +77,8 @@ impl TriangleHit {
             .add(L::splat(Shear::DISTANCE_ERROR).mul(farthest).mul(determinant.abs()));
         let one_side = error.lt(least) | most.lt(L::splat(0.0).sub(error));
         let decided = one_side & L::splat(Shear::PRECISION).mul(along_error).lt(along.abs());
-        ([u.div(determinant), v.div(determinant), w.div(determinant)], decided)
+        let share = L::splat(1.0).div(determinant);
+        ([u.mul(share), v.mul(share), w.mul(share)], decided)
     }
 }
 

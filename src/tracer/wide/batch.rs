@@ -4,7 +4,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::lighting::Lighting;
+use super::lighting::light;
 use super::packet::NONE;
 use super::surfaces::{DOUBLES, Looks, Surfaces};
 use super::{WideOctree, WideTracer};
@@ -67,7 +67,6 @@ pub struct BatchTracer<'a> {
     waves: Vec<Wave>,
     primitives: Vec<u32>,
     surfaces: Surfaces,
-    lighting: Lighting,
 }
 
 impl<'a> BatchTracer<'a> {
@@ -92,7 +91,6 @@ impl<'a> BatchTracer<'a> {
             waves: Vec::new(),
             primitives: Vec::new(),
             surfaces: Surfaces::default(),
-            lighting: Lighting::default(),
         }
     }
 
@@ -175,12 +173,8 @@ impl<'a> BatchTracer<'a> {
         let surfaces = &mut self.surfaces;
         surfaces.take(&self.primitives, &self.looks);
         self.simd.run(Place { surfaces, rays: &wave.rays, primitives: &self.tracer.primitives, looks: &self.looks });
-        for &(position, colour) in &self.lights {
-            self.simd.run(Cast { lighting: &mut self.lighting, surfaces, position });
-            stats.rays[RayKind::Shadow as usize] += self.lighting.shadow_rays.len() as u64;
-            self.tracer.mark_lit(&self.lighting.shadow_rays, &mut self.lighting.occluded);
-            self.simd.run(Add { lighting: &mut self.lighting, surfaces, colour });
-        }
+        stats.rays[RayKind::Shadow as usize] +=
+            self.simd.run(Light { surfaces, lights: &self.lights, tracer: &mut self.tracer });
         wave.radiance.clear();
         wave.radiance.resize(wave.rays.len(), self.background);
         for (at, &ray) in surfaces.ray.iter().enumerate() {
@@ -332,32 +326,18 @@ impl Task for Place<'_, '_> {
     }
 }
 
-struct Cast<'t> {
-    lighting: &'t mut Lighting,
-    surfaces: &'t Surfaces,
-    position: DVec3,
-}
-
-impl Task for Cast<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<R: Registers>(self) {
-        self.lighting.cast::<R>(self.surfaces, self.position);
-    }
-}
-
-struct Add<'t> {
-    lighting: &'t mut Lighting,
+struct Light<'t, 'a> {
     surfaces: &'t mut Surfaces,
-    colour: Vec3,
+    lights: &'t [(DVec3, Vec3)],
+    tracer: &'t mut WideTracer<'a>,
 }
 
-impl Task for Add<'_> {
-    type Output = ();
+impl Task for Light<'_, '_> {
+    type Output = u64;
 
     #[inline(always)]
-    fn run<R: Registers>(self) {
-        self.lighting.add::<R>(self.surfaces, self.colour);
+    fn run<R: Registers>(self) -> u64 {
+        let WideTracer { octree, primitives, packet, scratch, .. } = self.tracer;
+        light::<R>(self.surfaces, self.lights, octree, primitives, packet, scratch)
     }
 }

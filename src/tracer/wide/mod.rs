@@ -124,9 +124,9 @@ impl Task for Nearest<'_, '_, '_> {
     #[inline(always)]
     fn run<R: Registers>(self) {
         let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
-        for (mirror, queue) in queues.iter().enumerate() {
+        for queue in queues.iter() {
             for indices in queue.chunks(LANES) {
-                packet.fill::<R>(self.rays, indices, mirror);
+                packet.fill::<R>(self.rays, indices);
                 walk::walk::<R, false>(octree, primitives, packet, scratch);
                 for (lane, &index) in indices.iter().enumerate() {
                     self.primitives[index as usize] = packet.primitive[lane].to_bits();
@@ -148,9 +148,9 @@ impl Task for Occluded<'_, '_, '_> {
     #[inline(always)]
     fn run<R: Registers>(self) {
         let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
-        for (mirror, queue) in queues.iter().enumerate() {
+        for queue in queues.iter() {
             for indices in queue.chunks(LANES) {
-                packet.fill::<R>(self.rays, indices, mirror);
+                packet.fill::<R>(self.rays, indices);
                 walk::walk::<R, true>(octree, primitives, packet, scratch);
                 for (lane, &index) in indices.iter().enumerate() {
                     self.occluded[index as usize] = packet.active >> lane & 1 == 0;

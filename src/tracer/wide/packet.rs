@@ -81,39 +81,58 @@ impl Packet {
         usual.then_some(usize::from(x < 0.0) | usize::from(y < 0.0) << 1 | usize::from(z < 0.0) << 2)
     }
 
-    /// Takes up to [`LANES`] rays, at least one, all of this octant.
+    /// Takes up to [`LANES`] rays, at least one, all of one octant, and makes ready for a walk.
     #[inline(always)]
-    pub fn fill<R: Registers>(&mut self, rays: &[Ray], indices: &[u32], mirror: usize) {
-        for lane in 0..LANES {
-            // The others do as one that is there.
-            let ray = &rays[indices[if lane < indices.len() { lane } else { 0 }] as usize];
+    pub fn fill<R: Registers>(&mut self, rays: &[Ray], indices: &[u32]) {
+        for (lane, &index) in indices.iter().enumerate() {
+            let ray = &rays[index as usize];
             for axis in 0..3 {
                 self.origin[axis][lane] = ray.origin[axis];
                 self.direction[axis][lane] = ray.direction[axis];
             }
             self.t_max[lane] = ray.t_max;
-            self.source[lane] = ray.source;
-            self.polygon[lane] =
-                f32::from_bits(if let Source::Polygon(polygon) = ray.source { polygon } else { u32::MAX });
+            self.leave(lane, ray.source);
+        }
+        self.start::<R>((1u32 << indices.len()) - 1);
+    }
+
+    /// What a lane's ray leaves from.
+    #[inline(always)]
+    pub fn leave(&mut self, lane: usize, source: Source) {
+        self.source[lane] = source;
+        self.polygon[lane] = f32::from_bits(if let Source::Polygon(polygon) = source { polygon } else { u32::MAX });
+    }
+
+    /// Makes ready for a walk with those of `lanes`, at least one, that run into the octant of the first: they are
+    /// active then. Origins, directions, ranges and sources are there.
+    #[inline(always)]
+    pub fn start<R: Registers>(&mut self, lanes: u32) -> u32 {
+        let first = lanes.trailing_zeros() as usize & (LANES - 1);
+        let (mut active, mut mirror) = (lanes, 0);
+        for axis in 0..3 {
+            let downward = R::F16::load(&self.direction[axis]).lt(R::F16::splat(0.0));
+            let here = downward >> first & 1;
+            mirror |= (here as usize) << axis;
+            active &= if here == 1 { downward } else { !downward };
         }
         (self.least, self.far) = (self.t_max, self.t_max);
         self.primitive = [f32::from_bits(NONE); LANES];
-        self.active = (1u32 << indices.len()) - 1;
-        self.exact = 0;
-        self.mirror = mirror;
+        (self.active, self.exact, self.mirror) = (active, 0, mirror);
         for axis in 0..3 {
-            // −0 as +0.
+            // −0 as +0; lanes that are not active do as the first one.
             let direction = R::F16::load(&self.direction[axis]).add(R::F16::splat(0.0));
             let inverse = R::F16::splat(1.0).div(direction);
             let inverse = inverse.min(R::F16::splat(INVERSE_MAX)).max(R::F16::splat(-INVERSE_MAX));
             inverse.store(&mut self.inverse[axis]);
-            let origin = R::F16::load(&self.origin[axis]);
+            let inverse = inverse.select(active, R::F16::splat(self.inverse[axis][first]));
+            let origin = R::F16::load(&self.origin[axis]).select(active, R::F16::splat(self.origin[axis][first]));
             let (least, most) = (origin.least(), origin.most());
             let downward = mirror >> axis & 1 == 1;
             let around = &mut self.around;
             (around.near_origin[axis], around.far_origin[axis]) = if downward { (least, most) } else { (most, least) };
             (around.least_inverse[axis], around.most_inverse[axis]) = (inverse.least(), inverse.most());
         }
+        active
     }
 
     /// A lane's ray.

@@ -9,6 +9,7 @@ use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::vector::{V3, cross, dot, load, normalise_or, scale, select, store, sub, weighted};
 
+use super::packet::LANES;
 use super::scene::Primitives;
 
 /// Lanes of doubles.
@@ -22,7 +23,7 @@ pub(super) struct Looks<'a> {
     pub materials: &'a [Material],
 }
 
-/// Rows of whole chunks of [`DOUBLES`]; what is beyond `count` means nothing.
+/// Rows of whole chunks of [`LANES`]; what is beyond `count` means nothing.
 #[derive(Debug, Default)]
 pub(super) struct Surfaces {
     pub count: usize,
@@ -59,7 +60,7 @@ impl Surfaces {
             }
         }
         self.count = self.ray.len();
-        let padded = self.count.next_multiple_of(DOUBLES);
+        let padded = self.count.next_multiple_of(LANES);
         self.source.resize(padded, Source::Eye);
         for rows in [&mut self.position, &mut self.outward, &mut self.normal, &mut self.mirrored] {
             rows.iter_mut().for_each(|row| row.resize(padded, 0.0));

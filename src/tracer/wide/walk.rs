@@ -68,7 +68,7 @@ impl Scratch {
             rows: Rows::ZERO,
             counts: Counts::default(),
             few: super::octree::tune("FEW", 2) as u32,
-            pre: super::octree::tune("PRE", 0) as u32,
+            pre: super::octree::tune("PRE", 1) as u32,
         }
     }
 }
