@@ -16,7 +16,7 @@ use crate::tracer::octree::census::{Census, Level};
 /// Print the database of a scene by section, and its octree by level
 #[derive(Clone, Debug, Args)]
 pub struct InspectArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
     pub scene: SceneSource,
     #[command(flatten)]
     octree: OctreeOptions,

@@ -16,7 +16,7 @@ use crate::tracer::view::ImageSettings;
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
 #[derive(Clone, Debug, Args)]
 pub struct VerifyArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
     pub scene: SceneSource,
     /// Rays to shoot: through pixels, anywhere, along axes, at edges and vertices, from surfaces
     #[arg(long, value_name = "N", default_value_t = 100_000)]

@@ -65,7 +65,7 @@ mod tests {
             ),
             (
                 "[scene]\nprocedural = 'teapots'",
-                "2:14: scene.procedural is 'teapots', expected one of gears, teapot, balls, tetra; did you mean teapot?",
+                "2:14: scene.procedural is 'teapots', expected one of gears, teapot, balls, tetra, slivers, plane, decades, giant, corner; did you mean teapot?",
             ),
             ("[scene]\nprocedural = ['teapot']", "2:14: scene.procedural is ['teapot'], expected a string"),
             (
