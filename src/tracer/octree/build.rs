@@ -2,7 +2,8 @@
 //! the words of a subtree and the lists of its leaves lie together.
 
 use super::BuildParameters;
-use super::overlap::{Bounds, Cell, cone_octants, sphere_octants, triangle_octants};
+use super::octants::Octants;
+use super::overlap::Cell;
 use crate::database::compile::Records;
 use crate::database::records::{LeafEntry, OctreeWord, PrimitiveId};
 
@@ -30,9 +31,9 @@ pub struct OctreeTooLarge;
 /// The octree's sections outgrow what their words can index.
 pub fn build(records: &Records, parameters: BuildParameters) -> Result<Octree, OctreeTooLarge> {
     let mut builder = Builder {
-        records,
+        primitives: Octants::new(records),
+        count: records.primitive_count(),
         parameters,
-        bounds: bounds(records),
         octree: Octree { words: vec![0; 8], leaf_lists: Vec::new() },
         cells: records.primitive_ids().map(|id| id.0).collect(),
         octants: Vec::new(),
@@ -43,17 +44,11 @@ pub fn build(records: &Records, parameters: BuildParameters) -> Result<Octree, O
     Ok(builder.octree)
 }
 
-fn bounds(records: &Records) -> Vec<Bounds> {
-    let triangles = records.triangles.iter().map(Bounds::of_triangle);
-    let spheres = records.spheres.iter().map(Bounds::of_sphere);
-    let cones = records.cones.iter().map(Bounds::of_cone);
-    triangles.chain(spheres).chain(cones).collect()
-}
-
 struct Builder<'a> {
-    records: &'a Records,
+    primitives: Octants<'a>,
+    /// Of all primitives.
+    count: usize,
     parameters: BuildParameters,
-    bounds: Vec<Bounds>,
     octree: Octree,
     /// The primitives of the cells on the way down, a stack: the current cell's are on top.
     cells: Vec<u32>,
@@ -68,20 +63,22 @@ impl Builder<'_> {
         if count == 0 {
             return Ok(OctreeWord::EMPTY);
         }
-        let spent = self.octree.leaf_lists.len() > REFERENCES_FREE + REFERENCES_A_PRIMITIVE * self.bounds.len();
+        let spent = self.octree.leaf_lists.len() > REFERENCES_FREE + REFERENCES_A_PRIMITIVE * self.count;
         if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth || spent {
             return self.leaf(first, end);
         }
-        self.octants.clear();
-        for i in first..end {
-            let octants = self.octants_of(PrimitiveId(self.cells[i]), cell);
-            self.octants.push(octants);
+        self.primitives.of(&self.cells[first..end], cell, &mut self.octants);
+        let mut counts = [0; 8];
+        for octants in &self.octants {
+            for (octant, count) in counts.iter_mut().enumerate() {
+                *count += usize::from(octants >> octant & 1);
+            }
         }
         // Where no child holds fewer than its parent, dividing further gains nothing.
-        if self.octants.iter().all(|&octants| octants == 0xff) {
+        if counts == [count; 8] {
             return self.leaf(first, end);
         }
-        self.branch(cell, level, first, end)
+        self.branch(cell, level, first, counts)
     }
 
     fn leaf(&mut self, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
@@ -94,47 +91,40 @@ impl Builder<'_> {
         Ok(OctreeWord::leaf(at as u32))
     }
 
-    fn branch(&mut self, cell: Cell, level: u32, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    /// `counts`: how many of the primitives, `cells[first..]`, each octant holds.
+    fn branch(
+        &mut self,
+        cell: Cell,
+        level: u32,
+        first: usize,
+        counts: [usize; 8],
+    ) -> Result<OctreeWord, OctreeTooLarge> {
         let block = self.octree.words.len() / 8;
         if block > OctreeWord::INDEX_MAX as usize {
             return Err(OctreeTooLarge);
         }
         self.octree.words.extend([0; 8]);
         // The children's lists go onto the stack at once, since `octants` is reused further down.
-        let mut lists = [(0, 0); 8];
-        for (octant, list) in lists.iter_mut().enumerate() {
-            let from = self.cells.len();
-            for i in first..end {
-                if self.octants[i - first] >> octant & 1 == 1 {
-                    self.cells.push(self.cells[i]);
-                }
+        let bottom = self.cells.len();
+        let mut ends = [bottom; 8];
+        for octant in 1..8 {
+            ends[octant] = ends[octant - 1] + counts[octant - 1];
+        }
+        self.cells.resize(ends[7] + counts[7], 0);
+        for (i, &octants) in self.octants.iter().enumerate() {
+            let (id, mut rest) = (self.cells[first + i], octants);
+            while rest != 0 {
+                let end = &mut ends[rest.trailing_zeros() as usize];
+                self.cells[*end] = id;
+                *end += 1;
+                rest &= rest - 1;
             }
-            *list = (from, self.cells.len());
         }
-        let top = self.cells.len();
-        for (octant, &(from, to)) in lists.iter().enumerate() {
-            let word = self.node(cell.child(octant), level + 1, from, to)?;
+        for octant in 0..8 {
+            let word = self.node(cell.child(octant), level + 1, ends[octant] - counts[octant], ends[octant])?;
             self.octree.words[block * 8 + octant] = word.0;
-            self.cells.truncate(top);
         }
-        self.cells.truncate(lists[0].0);
+        self.cells.truncate(bottom);
         Ok(OctreeWord::branch(block as u32))
-    }
-
-    fn octants_of(&self, id: PrimitiveId, cell: Cell) -> u8 {
-        let index = id.0 as usize;
-        let candidates = self.bounds[index].octants(cell);
-        // In one octant only: it is that one, since the primitive reaches into the cell.
-        if candidates.count_ones() <= 1 {
-            return candidates;
-        }
-        let (triangles, spheres) = (self.records.triangles.len(), self.records.spheres.len());
-        if index < triangles {
-            triangle_octants(&self.records.triangles[index], cell, candidates)
-        } else if index < triangles + spheres {
-            sphere_octants(&self.records.spheres[index - triangles], cell, candidates)
-        } else {
-            cone_octants(&self.records.cones[index - triangles - spheres], cell, candidates)
-        }
     }
 }

@@ -4,6 +4,7 @@ pub mod build;
 pub mod census;
 pub mod hero;
 pub mod mailbox;
+mod octants;
 pub mod overlap;
 
 use crate::database::compile::{CompileError, compile};
