@@ -28,7 +28,7 @@ pub struct InspectArguments {
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
     let scene = preparation::load(&arguments.scene)?;
-    let database = preparation::build(&arguments.scene, &scene, octree)?;
+    let database = preparation::build(&arguments.scene, scene, octree)?;
     let inspection = Inspection::of(arguments.scene.to_string(), &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;

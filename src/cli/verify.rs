@@ -44,7 +44,7 @@ pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
     let image = |_: &_| Ok(ImageSettings { width: 1000, height: 1000, depth: 0, cutoff: 0.0 });
     let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
-    let database = preparation::build(&arguments.scene, &scene, octree)?;
+    let database = preparation::build(&arguments.scene, scene, octree)?;
     let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);
     let report = Report { scene: arguments.scene.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {

@@ -91,7 +91,10 @@ mod tests {
             ("torus:3", NEITHER),
             ("gears:", "size of gears: expected an integer from 1 to 1000"),
             ("gears:0", "size of gears: expected an integer from 1 to 1000"),
-            ("balls:8", "balls of size 8: not made, expected a size from 1 to 7"),
+            (
+                "balls:8",
+                "balls of size 8: not made, it would be 48427563 triangles or spheres, expected a size from 1 to 7",
+            ),
         ] {
             assert_eq!(text.parse::<SceneSource>(), Err(reason.to_owned()));
         }

@@ -65,7 +65,12 @@ pub enum Kind {
 
 /// A size that the kind does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{kind} of size {size}: not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+#[error(
+    "{kind} of size {size}: not made, it would be {} triangles or spheres, expected a size from {} to {}",
+    kind.primitives(*size),
+    kind.sizes().start(),
+    kind.sizes().end()
+)]
 pub struct SizeError {
     pub kind: Kind,
     pub size: u32,
@@ -127,6 +132,21 @@ impl Kind {
         }
     }
 
+    /// How many triangles and spheres, or for [`Self::Corner`] at the most.
+    pub fn primitives(self, size: u32) -> u128 {
+        let n = u128::from(size);
+        match self {
+            Self::Gears => n.pow(3) * (144 * 2 + 2 * 142) + 2,
+            Self::Teapot => 66 * n * n - 8 * n,
+            Self::Balls => (9u128.saturating_pow(size.saturating_add(1)) - 1) / 8 + 2,
+            Self::Tetra => 4u128.saturating_pow(size),
+            Self::Slivers | Self::Decades => 1000 * n + 2,
+            Self::Plane => 100 * n * n,
+            Self::Giant => 256 * n + 1,
+            Self::Corner => 42 * n * n + 3,
+        }
+    }
+
     /// The sizes that can be made: the largest is the last one below 40 million triangles and spheres, or
     /// 1000. A teapot of size 1 has patches without area at its cusps.
     pub const fn sizes(self) -> RangeInclusive<u32> {
@@ -136,7 +156,8 @@ impl Kind {
             Self::Balls => 1..=7,
             Self::Tetra => 1..=12,
             Self::Plane => 1..=632,
-            Self::Slivers | Self::Decades | Self::Giant | Self::Corner => 1..=1000,
+            Self::Corner => 1..=975,
+            Self::Slivers | Self::Decades | Self::Giant => 1..=1000,
         }
     }
 }
@@ -431,21 +452,10 @@ mod tests {
 
     #[test]
     fn the_largest_sizes_stay_below_forty_million() {
-        let primitives = |kind, n: u64| match kind {
-            Kind::Gears => n.pow(3) * (144 * 2 + 2 * 142) + 2,
-            Kind::Teapot => 64 * n * n - 8 * n + 2 * n * n,
-            Kind::Balls => (9u64.pow(n as u32 + 1) - 1) / 8,
-            Kind::Tetra => 4u64.pow(n as u32),
-            Kind::Slivers | Kind::Decades => 1000 * n + 2,
-            Kind::Plane => 100 * n * n,
-            Kind::Giant => 256 * n + 1,
-            // A building is of 20 triangles, more or less.
-            Kind::Corner => 30 * n * n,
-        };
         for kind in Kind::ALL {
-            let largest = u64::from(*kind.sizes().end());
-            assert!(primitives(kind, largest) <= 40_000_000, "{kind}");
-            assert!(largest == 1000 || primitives(kind, largest + 1) > 40_000_000, "{kind}");
+            let largest = *kind.sizes().end();
+            assert!(kind.primitives(largest) <= 40_000_000, "{kind}");
+            assert!(largest == 1000 || kind.primitives(largest + 1) > 40_000_000, "{kind}");
         }
     }
 
@@ -459,7 +469,10 @@ mod tests {
             assert!(Procedural::new(kind, Some(u32::MAX)).is_err());
         }
         let error = Procedural::new(Kind::Gears, Some(42)).expect_err("too large");
-        assert_eq!(error.to_string(), "gears of size 42: not made, expected a size from 1 to 41");
+        assert_eq!(
+            error.to_string(),
+            "gears of size 42: not made, it would be 42378338 triangles or spheres, expected a size from 1 to 41"
+        );
         let error = "cube".parse::<Kind>().expect_err("no such kind");
         assert_eq!(error.to_string(), format!("\"cube\" is not a procedural scene, expected {}", Kind::LIST));
         assert_eq!(Kind::LIST.replace(" or ", ", "), Kind::ALL.map(Kind::name).join(", "));

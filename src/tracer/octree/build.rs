@@ -7,10 +7,12 @@ use super::overlap::Cell;
 use crate::database::compile::Records;
 use crate::database::records::{LeafEntry, OctreeWord, PrimitiveId};
 
-/// Cells are no longer divided once the leaves hold so many references: large coincident polygons would
-/// otherwise be listed in 4 times as many leaves with every level.
-const REFERENCES_A_PRIMITIVE: usize = 64;
-const REFERENCES_FREE: usize = 1 << 20;
+/// What the octree's sections may take at the most, in bytes: large polygons close to one another would
+/// otherwise be listed in 4 times as many leaves with every level. With its records, at most 84 bytes, a
+/// triangle takes 532.
+pub const BYTES_A_PRIMITIVE: u64 = 448;
+/// What they may take besides: nothing to a large scene, all that it wants to a small one.
+pub const BYTES_FREE: u64 = 1 << 20;
 
 /// The octree's two sections.
 #[derive(Clone, Debug, Default)]
@@ -21,33 +23,24 @@ pub struct Octree {
     pub leaf_lists: Vec<u32>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("the octree would have more than {} leaf entries", OctreeWord::INDEX_MAX)]
-pub struct OctreeTooLarge;
-
 /// Builds the octree over all primitives. The result is a function of the records and parameters alone.
-///
-/// # Errors
-/// The octree's sections outgrow what their words can index.
-pub fn build(records: &Records, parameters: BuildParameters) -> Result<Octree, OctreeTooLarge> {
+pub fn build(records: &Records, parameters: BuildParameters) -> Octree {
+    let count = records.primitive_count();
     let mut builder = Builder {
         primitives: Octants::new(records),
-        count: records.primitive_count(),
         parameters,
         octree: Octree { words: vec![0; 8], leaf_lists: Vec::new() },
         cells: records.primitive_ids().map(|id| id.0).collect(),
         octants: Vec::new(),
     };
-    let all = builder.cells.len();
-    let root = builder.node(Cell::ROOT, 0, 0, all)?;
+    let bytes_max = records.octree_bytes_max().min(BYTES_FREE + BYTES_A_PRIMITIVE * count as u64);
+    let root = builder.node(Cell::ROOT, 0, 0, count, bytes_max);
     builder.octree.words[0] = root.0;
-    Ok(builder.octree)
+    builder.octree
 }
 
 struct Builder<'a> {
     primitives: Octants<'a>,
-    /// Of all primitives.
-    count: usize,
     parameters: BuildParameters,
     octree: Octree,
     /// The primitives of the cells on the way down, a stack: the current cell's are on top.
@@ -57,14 +50,14 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Makes the node of a cell whose primitives are `cells[first..end]`.
-    fn node(&mut self, cell: Cell, level: u32, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    /// Makes the node of a cell whose primitives are `cells[first..end]`. When it and all below it are made,
+    /// the octree has at most `bytes_max` bytes; a leaf fits into that.
+    fn node(&mut self, cell: Cell, level: u32, first: usize, end: usize, bytes_max: u64) -> OctreeWord {
         let count = end - first;
         if count == 0 {
-            return Ok(OctreeWord::EMPTY);
+            return OctreeWord::EMPTY;
         }
-        let spent = self.octree.leaf_lists.len() > REFERENCES_FREE + REFERENCES_A_PRIMITIVE * self.count;
-        if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth || spent {
+        if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth {
             return self.leaf(first, end);
         }
         self.primitives.of(&self.cells[first..end], cell, &mut self.octants);
@@ -75,34 +68,27 @@ impl Builder<'_> {
             }
         }
         // Where no child holds fewer than its parent, dividing further gains nothing.
-        if counts == [count; 8] {
+        let least_bytes = 4 * (8 + counts.iter().sum::<usize>() as u64);
+        if counts == [count; 8] || self.bytes() + least_bytes > bytes_max {
             return self.leaf(first, end);
         }
-        self.branch(cell, level, first, counts)
+        self.branch(cell, level, first, counts, bytes_max)
     }
 
-    fn leaf(&mut self, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    fn bytes(&self) -> u64 {
+        4 * (self.octree.words.len() + self.octree.leaf_lists.len()) as u64
+    }
+
+    fn leaf(&mut self, first: usize, end: usize) -> OctreeWord {
         let at = self.octree.leaf_lists.len();
-        if at + (end - first) > OctreeWord::INDEX_MAX as usize {
-            return Err(OctreeTooLarge);
-        }
         let entry = |i: usize| LeafEntry::new(PrimitiveId(self.cells[i]), i + 1 == end).0;
         self.octree.leaf_lists.extend((first..end).map(entry));
-        Ok(OctreeWord::leaf(at as u32))
+        OctreeWord::leaf(at as u32)
     }
 
     /// `counts`: how many of the primitives, `cells[first..]`, each octant holds.
-    fn branch(
-        &mut self,
-        cell: Cell,
-        level: u32,
-        first: usize,
-        counts: [usize; 8],
-    ) -> Result<OctreeWord, OctreeTooLarge> {
+    fn branch(&mut self, cell: Cell, level: u32, first: usize, counts: [usize; 8], bytes_max: u64) -> OctreeWord {
         let block = self.octree.words.len() / 8;
-        if block > OctreeWord::INDEX_MAX as usize {
-            return Err(OctreeTooLarge);
-        }
         self.octree.words.extend([0; 8]);
         // The children's lists go onto the stack at once, since `octants` is reused further down.
         let bottom = self.cells.len();
@@ -110,7 +96,8 @@ impl Builder<'_> {
         for octant in 1..8 {
             ends[octant] = ends[octant - 1] + counts[octant - 1];
         }
-        self.cells.resize(ends[7] + counts[7], 0);
+        let top = ends[7] + counts[7];
+        self.cells.resize(top, 0);
         for (i, &octants) in self.octants.iter().enumerate() {
             let (id, mut rest) = (self.cells[first + i], octants);
             while rest != 0 {
@@ -120,11 +107,80 @@ impl Builder<'_> {
                 rest &= rest - 1;
             }
         }
+        // All children can be leaves. What is left over is shared by how many primitives they hold, and what
+        // one leaves of its share goes to the next.
+        let references = |end: usize| (end - bottom) as u64;
+        let bytes = self.bytes();
+        let spare = (bytes_max - bytes - 4 * references(top)) as f64 / references(top) as f64;
         for octant in 0..8 {
-            let word = self.node(cell.child(octant), level + 1, ends[octant] - counts[octant], ends[octant])?;
-            self.octree.words[block * 8 + octant] = word.0;
+            let held = references(ends[octant]);
+            let bytes_max = bytes + 4 * held + (spare * held as f64) as u64;
+            let (from, to) = (ends[octant] - counts[octant], ends[octant]);
+            self.octree.words[block * 8 + octant] = self.node(cell.child(octant), level + 1, from, to, bytes_max).0;
         }
         self.cells.truncate(bottom);
-        Ok(OctreeWord::branch(block as u32))
+        OctreeWord::branch(block as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::database::compile::compile;
+    use crate::database::records::OctreeNode;
+    use crate::scene::procedural::{Kind, Procedural};
+    use crate::scene::{Material, Polygon, Scene};
+    use crate::tracer::octree::complete;
+
+    const FINEST: BuildParameters = BuildParameters { leaf_size: 1, max_depth: 20 };
+
+    /// Triangles as large as the root, one as hard to divide as the other.
+    fn large_triangles(count: u32) -> Scene {
+        let corner =
+            |i: u32| DVec3::new(libm::sin(f64::from(i)), libm::sin(f64::from(2 * i)), libm::sin(f64::from(3 * i)));
+        let polygon = |i| Polygon { first_vertex: 3 * i, vertex_count: 3, first_normal: None, material: 0 };
+        Scene {
+            materials: vec![Material::WHITE],
+            vertices: (0..3 * count).map(corner).collect(),
+            polygons: (0..count).map(polygon).collect(),
+            ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn any_scene_is_below_600_bytes_a_primitive_and_a_mebibyte() {
+        let procedural = |kind, size| Procedural { kind, size }.scene();
+        let scenes = [
+            large_triangles(3000),
+            procedural(Kind::Slivers, 2),
+            procedural(Kind::Gears, 1),
+            procedural(Kind::Teapot, 12),
+            procedural(Kind::Corner, 8),
+        ];
+        for (i, scene) in scenes.iter().enumerate() {
+            for parameters in [FINEST, BuildParameters { leaf_size: 8, max_depth: 12 }] {
+                let records = compile(scene).expect("records");
+                let (count, materials) = (records.primitive_count() as u64, records.materials.len() as u64);
+                let octree = build(&records, parameters);
+                let bytes = 4 * (octree.words.len() + octree.leaf_lists.len()) as u64;
+                assert!(bytes <= BYTES_A_PRIMITIVE * count + BYTES_FREE, "scene {i}");
+                let image = complete(records, parameters).expect("an image");
+                let image_bytes = image.database().header.layout.image_bytes();
+                assert!(image_bytes <= 600 * count + BYTES_FREE + 48 * materials, "scene {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_part_gets_its_share_of_what_the_octree_may_take() {
+        let octree = build(&compile(&large_triangles(3000)).expect("records"), FINEST);
+        let bytes = 4 * (octree.words.len() + octree.leaf_lists.len()) as u64;
+        assert!(bytes * 10 > (BYTES_A_PRIMITIVE * 3000 + BYTES_FREE) * 9, "{bytes} bytes: little is left over");
+        let Some(OctreeNode::Branch(root)) = OctreeWord(octree.words[0]).decode() else { panic!("a branch") };
+        for child in &octree.words[8 * root as usize..][..8] {
+            assert!(matches!(OctreeWord(*child).decode(), Some(OctreeNode::Branch(_))));
+        }
     }
 }

@@ -48,10 +48,13 @@ fn of_all(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
     let Records { triangles, spheres, cones, .. } = records;
     // The boxes first, in a loop without a branch that depends on what it loads.
     octants.clear();
-    octants.extend(ids.iter().map(|&id| match triangles.get(id as usize) {
-        Some(triangle) => Bounds::of_triangle(triangle).octants(cell),
-        None => curved_bounds(records, id as usize).octants(cell),
-    }));
+    octants.resize(ids.len(), 0);
+    for (&id, octants) in ids.iter().zip(&mut *octants) {
+        *octants = match triangles.get(id as usize) {
+            Some(triangle) => Bounds::of_triangle(triangle).octants(cell),
+            None => curved_bounds(records, id as usize).octants(cell),
+        };
+    }
     for (&id, octants) in ids.iter().zip(octants) {
         // In one octant only: it is that one, since the primitive reaches into the cell.
         if octants.count_ones() <= 1 {

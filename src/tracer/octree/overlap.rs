@@ -40,12 +40,13 @@ pub struct Bounds {
 impl Bounds {
     #[inline(always)]
     pub fn of_triangle(triangle: &Triangle) -> Self {
-        let least = |a, b| if a < b { a } else { b };
-        let most = |a, b| if a > b { a } else { b };
-        Self {
-            lo: triangle.coordinates.map(|[a, b, c]| f64::from(least(least(a, b), c))),
-            hi: triangle.coordinates.map(|[a, b, c]| f64::from(most(most(a, b), c))),
+        let (mut lo, mut hi) = ([0.0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            let [a, b, c] = triangle.coordinates[axis];
+            lo[axis] = f64::from(lesser(lesser(a, b), c));
+            hi[axis] = f64::from(greater(greater(a, b), c));
         }
+        Self { lo, hi }
     }
 
     pub fn of_sphere(sphere: &Sphere) -> Self {
@@ -100,9 +101,11 @@ pub fn triangle_octants(triangle: &Triangle, cell: Cell, candidates: u8) -> u8 {
     let plane = normal.dot(vertices[0]);
     let plane_reach = reach * (normal.x.abs() + normal.y.abs() + normal.z.abs());
     let (layer, z) = (at_quadrants(normal.x * half, normal.y * half), normal.z * half);
-    let distances = [layer.map(|at| (at - z - plane).abs()), layer.map(|at| (at + z - plane).abs())];
-    let beyond = distances.map(|layer| bits(layer.map(|distance| distance > plane_reach)));
-    let mut separated = beyond[0] | beyond[1] << 4;
+    let mut separated = 0;
+    for quadrant in 0..4 {
+        separated |= u8::from((layer[quadrant] - z - plane).abs() > plane_reach) << quadrant;
+        separated |= u8::from((layer[quadrant] + z - plane).abs() > plane_reach) << (quadrant + 4);
+    }
     for (z, quadrants) in QUADRANTS.iter().enumerate() {
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
         // Inward edge normals of the projection along z.
@@ -118,11 +121,14 @@ pub fn triangle_octants(triangle: &Triangle, cell: Cell, candidates: u8) -> u8 {
             let at = at_quadrants(nx * half, ny * half);
             for quadrant in 0..4 {
                 let (below, above) = (lo - (at[quadrant] + edge_reach), at[quadrant] - edge_reach - hi);
-                let gap = if below > above { below } else { above };
-                gaps[quadrant] = if gap > gaps[quadrant] { gap } else { gaps[quadrant] };
+                gaps[quadrant] = greater(gaps[quadrant], greater(below, above));
             }
         }
-        separated |= quadrants[usize::from(bits(gaps.map(|gap| gap > 0.0)))];
+        let mut set = 0;
+        for (quadrant, gap) in gaps.into_iter().enumerate() {
+            set |= usize::from(gap > 0.0) << quadrant;
+        }
+        separated |= quadrants[set];
     }
     candidates & !separated
 }
@@ -134,9 +140,15 @@ fn at_quadrants(first: f64, second: f64) -> [f64; 4] {
     [-first - second, first - second, -first + second, first + second]
 }
 
+/// The processor's own minimum: unlike `min`, it leaves NaNs alone, which there are none of.
 #[inline(always)]
-fn bits(set: [bool; 4]) -> u8 {
-    u8::from(set[0]) | u8::from(set[1]) << 1 | u8::from(set[2]) << 2 | u8::from(set[3]) << 3
+fn lesser<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greater<T: PartialOrd>(a: T, b: T) -> T {
+    if a > b { a } else { b }
 }
 
 /// For a projection along each axis z, to the axes z + 1 and z + 2: the octants that a set of quadrants is of.
