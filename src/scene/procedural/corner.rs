@@ -61,7 +61,7 @@ impl Plot {
     /// A star of so many points with upright walls.
     fn build_star(&self, scene: &mut Scene, height: f64, points: u32) {
         let corner = |i: u32| {
-            let radius = self.width * if i % 2 == 0 { 0.45 } else { 0.22 };
+            let radius = self.width * if i.is_multiple_of(2) { 0.45 } else { 0.22 };
             let angle = TAU * f64::from(i % (2 * points)) / f64::from(2 * points);
             self.centre + DVec3::new(libm::cos(angle), libm::sin(angle), 0.0) * radius
         };

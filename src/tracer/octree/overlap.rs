@@ -102,9 +102,9 @@ pub fn triangle_octants(triangle: &Triangle, cell: Cell, candidates: u8) -> u8 {
     let plane_reach = reach * (normal.x.abs() + normal.y.abs() + normal.z.abs());
     let (layer, z) = (at_quadrants(normal.x * half, normal.y * half), normal.z * half);
     let mut separated = 0;
-    for quadrant in 0..4 {
-        separated |= u8::from((layer[quadrant] - z - plane).abs() > plane_reach) << quadrant;
-        separated |= u8::from((layer[quadrant] + z - plane).abs() > plane_reach) << (quadrant + 4);
+    for (quadrant, at) in layer.into_iter().enumerate() {
+        separated |= u8::from((at - z - plane).abs() > plane_reach) << quadrant;
+        separated |= u8::from((at + z - plane).abs() > plane_reach) << (quadrant + 4);
     }
     for (z, quadrants) in QUADRANTS.iter().enumerate() {
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
