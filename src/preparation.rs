@@ -4,11 +4,12 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
+use crate::database::compile::compile;
 use crate::database::verify::Verified;
 use crate::scene::{self, Camera, Light, Scene, SourceError};
 use crate::topology::{Octree, SceneSource, Topology};
 use crate::tracer::View;
-use crate::tracer::octree::{BuildError, BuildParameters, build_database};
+use crate::tracer::octree::{BuildError, BuildParameters, complete};
 use crate::tracer::view::ImageSettings;
 
 /// A scene, ready to be traced.
@@ -58,9 +59,13 @@ pub fn load(source: &SceneSource) -> Result<Scene, SourceError> {
 ///
 /// # Errors
 /// It is larger than can be addressed.
-pub fn build(source: &SceneSource, scene: &Scene, octree: Octree) -> Result<Verified, PreparationError> {
+pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<Verified, PreparationError> {
     let parameters = BuildParameters { leaf_size: octree.leaf_size, max_depth: octree.max_depth };
-    build_database(scene, parameters).map_err(|error| PreparationError::Build { scene: source.to_string(), error })
+    let records = compile(&scene);
+    // A large one is larger than its records.
+    drop(scene);
+    let database = records.map_err(BuildError::from).and_then(|records| complete(records, parameters));
+    database.map_err(|error| PreparationError::Build { scene: source.to_string(), error })
 }
 
 /// Prepares a scene; `image` chooses the image settings once the camera, and with it the file's own resolution,
@@ -79,7 +84,7 @@ pub fn prepare(
     let load = start.elapsed();
     let view = view(&scene, fallback, image).map_err(PreparationError::Image)?;
     let start = Instant::now();
-    let database = build(source, &scene, octree)?;
+    let database = build(source, scene, octree)?;
     Ok(Prepared { database, view, load, build: start.elapsed() })
 }
 

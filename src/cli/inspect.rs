@@ -16,7 +16,7 @@ use crate::tracer::octree::census::{Census, Level};
 /// Print the database of a scene by section, and its octree by level
 #[derive(Clone, Debug, Args)]
 pub struct InspectArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
     pub scene: SceneSource,
     #[command(flatten)]
     octree: OctreeOptions,
@@ -28,7 +28,7 @@ pub struct InspectArguments {
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
     let scene = preparation::load(&arguments.scene)?;
-    let database = preparation::build(&arguments.scene, &scene, octree)?;
+    let database = preparation::build(&arguments.scene, scene, octree)?;
     let inspection = Inspection::of(arguments.scene.to_string(), &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;

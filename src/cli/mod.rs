@@ -105,7 +105,7 @@ mod tests {
             ("marti run t.toml --set cluster.nodes", "expected KEY=VALUE"),
             ("marti run t.toml --set =1", "expected names joined by dots"),
             ("marti run t.toml --aov colour", "possible values: depth, normal, primitive"),
-            ("marti render teapots", "or gears, teapot, balls or tetra"),
+            ("marti render teapots", "or gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti render gears:0", "expected an integer from 1 to 1000"),
             ("marti render a.nff --size 640", "expected WIDTHxHEIGHT"),
             ("marti render a.nff --size 640x0", "each from 1 to 65536"),
@@ -122,7 +122,7 @@ mod tests {
             ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
             ("marti verify gears --scale 0", "expected a positive number"),
             ("marti verify gears --translate inf", "expected a finite number"),
-            ("marti scene torus", "expected gears, teapot, balls or tetra"),
+            ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti scene gears --size -1", "unexpected argument"),
             ("marti schema report", "possible values: topology"),
         ] {

@@ -24,7 +24,7 @@ use crate::tracer::wide::WideOctree;
 /// Render a scene in this one process: the fastest way on one machine
 #[derive(Clone, Debug, Args)]
 pub struct RenderArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
     pub scene: SceneSource,
     /// Image to write [default: the scene's name with .png]
     #[arg(long, short, value_name = "NAME.png", value_parser = png_path)]

@@ -1,4 +1,4 @@
-//! `marti scene gears|teapot|balls|tetra`
+//! `marti scene KIND`
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use crate::scene::procedural::{self, Kind, WriteError};
 /// Write a procedural scene as an NFF file
 #[derive(Clone, Debug, Args)]
 pub struct SceneArguments {
-    /// gears, teapot, balls or tetra
+    /// gears, teapot, balls, tetra, slivers, plane, decades, giant or corner
     pub kind: Kind,
     /// Size factor, how finely or how often the scene is divided [default: its kind's]
     #[arg(long, value_name = "N")]

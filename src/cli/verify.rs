@@ -16,7 +16,7 @@ use crate::tracer::view::ImageSettings;
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
 #[derive(Clone, Debug, Args)]
 pub struct VerifyArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
     pub scene: SceneSource,
     /// Rays to shoot: through pixels, anywhere, along axes, at edges and vertices, from surfaces
     #[arg(long, value_name = "N", default_value_t = 100_000)]
@@ -44,7 +44,7 @@ pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
     let image = |_: &_| Ok(ImageSettings { width: 1000, height: 1000, depth: 0, cutoff: 0.0 });
     let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
-    let database = preparation::build(&arguments.scene, &scene, octree)?;
+    let database = preparation::build(&arguments.scene, scene, octree)?;
     let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);
     let report = Report { scene: arguments.scene.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {

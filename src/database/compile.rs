@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
+use super::ear_clipping::{self, Ear};
+use super::layout::{GRANULE_BYTES, IMAGE_BYTES_MAX, TooLarge};
 use super::normalisation::Normalisation;
 use super::records::{Cone, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
-use super::{Database, Header, Layout, Section, ear_clipping, layout::TooLarge};
+use super::{Database, Header, Layout, Section};
 use crate::scene::{Polygon, Scene};
 
 /// All sections of a database but those of the octree.
@@ -38,15 +40,17 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
     if scene.polygons.len() >= Triangle::POLYGONS_MAX as usize {
         return Err(CompileError::TooManyPolygons(scene.polygons.len()));
     }
+    let least = least_layout(scene)?;
+    let records = |section| least.span(section).records as usize;
     let normalisation = Normalisation::new(scene.bounds());
     let mut records = Records {
         normalisation,
         scene_primitives: scene.primitive_count() as u64,
-        triangles: Vec::with_capacity(scene.polygons.len()),
+        triangles: Vec::with_capacity(records(Section::Triangles)),
         spheres: Vec::with_capacity(scene.spheres.len()),
         cones: Vec::with_capacity(scene.cones.len()),
-        surfaces: Vec::with_capacity(scene.primitive_count()),
-        normals: Vec::new(),
+        surfaces: Vec::with_capacity(records(Section::Surfaces)),
+        normals: Vec::with_capacity(records(Section::Normals)),
         materials: scene.materials.iter().map(material).collect(),
     };
     for (id, polygon) in scene.polygons.iter().enumerate() {
@@ -71,13 +75,29 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
     Ok(records)
 }
 
+/// The image of a scene with the smallest octree, one leaf: what is too large for that is told before
+/// anything is made.
+fn least_layout(scene: &Scene) -> Result<Layout, TooLarge> {
+    let triangles = |polygon: &Polygon| u64::from(polygon.vertex_count).saturating_sub(2);
+    let flat_and_smooth: u64 = scene.polygons.iter().map(triangles).sum();
+    let smooth = scene.polygons.iter().filter(|polygon| polygon.first_normal.is_some()).map(triangles).sum();
+    let (spheres, cones) = (scene.spheres.len() as u64, scene.cones.len() as u64);
+    let primitives = flat_and_smooth + spheres + cones;
+    let materials = scene.materials.len() as u64;
+    Layout::new([8, primitives, flat_and_smooth, spheres, cones, primitives, smooth, materials])
+}
+
 impl Records {
     fn add_polygon(&mut self, scene: &Scene, id: usize, polygon: &Polygon) -> Result<(), CompileError> {
         let first = polygon.first_vertex as usize;
         let corners = &scene.vertices[first..first + polygon.vertex_count as usize];
-        let triangles = ear_clipping::triangulate(corners)
-            .map_err(|error| CompileError::Polygon { polygon: id, why: error.to_string() })?;
-        for ear in triangles {
+        let cut = match corners.len() {
+            // Most are, and need no memory for it.
+            3 => Vec::new(),
+            _ => ear_clipping::triangulate(corners)
+                .map_err(|error| CompileError::Polygon { polygon: id, why: error.to_string() })?,
+        };
+        for ear in if corners.len() == 3 { &[Ear::WHOLE][..] } else { &cut } {
             let corner = |i: usize| f32s(self.normalisation.point(corners[ear.corners[i] as usize]));
             self.triangles.push(Triangle::new([corner(0), corner(1), corner(2)], id as u32, ear.interior_edges));
             let normals = polygon.first_normal.map_or(Surface::FLAT, |first| {
@@ -100,32 +120,58 @@ impl Records {
         (0..self.primitive_count() as u32).map(PrimitiveId)
     }
 
-    /// Puts the octree's sections and these into one image.
+    /// What the octree's sections may take besides these, in bytes.
+    pub fn octree_bytes_max(&self) -> u64 {
+        let counts = [
+            self.triangles.len(),
+            self.spheres.len(),
+            self.cones.len(),
+            self.surfaces.len(),
+            self.normals.len(),
+            self.materials.len(),
+        ];
+        let [triangles, spheres, cones, surfaces, normals, materials] = counts.map(|count| count as u64);
+        let rest = Layout::new([0, 0, triangles, spheres, cones, surfaces, normals, materials]);
+        // Both sections fill their granules.
+        rest.map_or(0, |rest| (IMAGE_BYTES_MAX - rest.image_bytes()).saturating_sub(2 * GRANULE_BYTES))
+    }
+
+    /// Puts the octree's sections and these into one image. Each is let go as soon as it is copied.
     ///
     /// # Errors
     /// The image would be larger than can be addressed.
-    pub fn assemble(&self, octree: &[u32], leaf_lists: &[u32], max_depth: u32) -> Result<Database, TooLarge> {
-        let sections: [&[u32]; Section::COUNT] = [
-            octree,
-            leaf_lists,
-            bytemuck::cast_slice(&self.triangles),
-            bytemuck::cast_slice(&self.spheres),
-            bytemuck::cast_slice(&self.cones),
-            bytemuck::cast_slice(&self.surfaces),
-            bytemuck::cast_slice(&self.normals),
-            bytemuck::cast_slice(&self.materials),
+    pub fn assemble(self, octree: Vec<u32>, leaf_lists: Vec<u32>, max_depth: u32) -> Result<Database, TooLarge> {
+        let sections: [Box<dyn Words>; Section::COUNT] = [
+            Box::new(octree),
+            Box::new(leaf_lists),
+            Box::new(self.triangles),
+            Box::new(self.spheres),
+            Box::new(self.cones),
+            Box::new(self.surfaces),
+            Box::new(self.normals),
+            Box::new(self.materials),
         ];
-        let records = Section::ALL.map(|s| sections[s as usize].len() as u64 * 4 / s.record_bytes());
+        let records = Section::ALL.map(|s| sections[s as usize].words().len() as u64 * 4 / s.record_bytes());
         let layout = Layout::new(records)?;
         let mut words = vec![0u32; (layout.image_bytes() / 4) as usize];
-        for section in Section::ALL {
+        for (section, source) in Section::ALL.into_iter().zip(sections) {
             let first = (layout.span(section).base.0 / 4) as usize;
-            let source = sections[section as usize];
-            words[first..first + source.len()].copy_from_slice(source);
+            words[first..first + source.words().len()].copy_from_slice(source.words());
         }
         let header =
             Header { layout, normalisation: self.normalisation, max_depth, scene_primitives: self.scene_primitives };
         Ok(Database { header, words: words.into() })
+    }
+}
+
+/// A section's records, whatever they are.
+trait Words {
+    fn words(&self) -> &[u32];
+}
+
+impl<T: bytemuck::Pod> Words for Vec<T> {
+    fn words(&self) -> &[u32] {
+        bytemuck::cast_slice(self)
     }
 }
 
@@ -141,5 +187,23 @@ fn material(m: &crate::scene::Material) -> Material {
         shine: m.shine as f32,
         transmittance: m.transmittance as f32,
         ior: m.ior as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_large_is_told_before_anything_is_made() {
+        // Vertices that are not even there.
+        let polygon = Polygon { first_vertex: 0, vertex_count: 100_000_002, first_normal: None, material: 0 };
+        let scene = Scene { polygons: vec![polygon], ..Scene::default() };
+        let error = compile(&scene).expect_err("too large");
+        let told = "the database would be 5200000256 bytes or more, at most 4294967296 can be addressed";
+        assert_eq!(error.to_string(), told);
+        let smooth = Scene { polygons: vec![Polygon { first_normal: Some(0), ..polygon }], ..Scene::default() };
+        let bytes = 5_200_000_256 + 3_600_000_000;
+        assert_eq!(compile(&smooth).expect_err("too large"), CompileError::TooLarge(TooLarge { bytes }));
     }
 }

@@ -41,7 +41,7 @@ pub fn triangulate(vertices: &[DVec3]) -> Result<Vec<Ear>, TooIntricate> {
     let count = vertices.len() as u32;
     let ear = |corners| Ear::new(corners, count);
     if count <= 3 {
-        return Ok(if count == 3 { vec![ear([0, 1, 2])] } else { Vec::new() });
+        return Ok(if count == 3 { vec![Ear::WHOLE] } else { Vec::new() });
     }
     let outline = Outline::new(vertices);
     if count == 4 && outline.turns().all(|turn| turn >= 0.0) {
@@ -56,6 +56,9 @@ pub fn triangulate(vertices: &[DVec3]) -> Result<Vec<Ear>, TooIntricate> {
 }
 
 impl Ear {
+    /// What a polygon of three vertices is cut into.
+    pub const WHOLE: Self = Self { corners: [0, 1, 2], interior_edges: 0, is_forced: false };
+
     fn new(corners: [u32; 3], count: u32) -> Self {
         let is_interior = |i: usize| u8::from(corners[(i + 1) % 3] != (corners[i] + 1) % count);
         let interior_edges = is_interior(0) | is_interior(1) << 1 | is_interior(2) << 2;

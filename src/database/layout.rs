@@ -84,8 +84,9 @@ pub struct Layout {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("the database would be {bytes} bytes, at most {IMAGE_BYTES_MAX} can be addressed")]
+#[error("the database would be {bytes} bytes or more, at most {IMAGE_BYTES_MAX} can be addressed")]
 pub struct TooLarge {
+    /// With the smallest octree.
     pub bytes: u128,
 }
 
@@ -102,9 +103,9 @@ impl Layout {
             *span = Span { base: Address(base as u64), records };
             let bytes = u128::from(records) * u128::from(section.record_bytes());
             base += bytes.next_multiple_of(u128::from(GRANULE_BYTES));
-            if base > u128::from(IMAGE_BYTES_MAX) {
-                return Err(TooLarge { bytes: base });
-            }
+        }
+        if base > u128::from(IMAGE_BYTES_MAX) {
+            return Err(TooLarge { bytes: base });
         }
         Ok(Self { spans, image_bytes: base as u64 })
     }

@@ -65,7 +65,7 @@ mod tests {
             ),
             (
                 "[scene]\nprocedural = 'teapots'",
-                "2:14: scene.procedural is 'teapots', expected one of gears, teapot, balls, tetra; did you mean teapot?",
+                "2:14: scene.procedural is 'teapots', expected one of gears, teapot, balls, tetra, slivers, plane, decades, giant, corner; did you mean teapot?",
             ),
             ("[scene]\nprocedural = ['teapot']", "2:14: scene.procedural is ['teapot'], expected a string"),
             (
@@ -79,7 +79,7 @@ mod tests {
             ("[scene]\nprocedural = 'teapot'\nsize = 0", "3:8: scene.size is 0, expected an integer from 1 to 1000"),
             (
                 "[scene]\nprocedural = 'balls'\nsize = 8",
-                "3:8: scene.size: balls of size 8: not made, expected a size from 1 to 7",
+                "3:8: scene.size: balls of size 8: not made, it would be 48427563 triangles or spheres, expected a size from 1 to 7",
             ),
             ("[scene]\nfile = ''", "2:8: scene.file is empty, expected the path of an .nff or .obj file"),
             ("[scene]\nfile = 12", "2:8: scene.file is 12, expected a string"),

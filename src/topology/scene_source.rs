@@ -48,8 +48,7 @@ impl FromStr for SceneSource {
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
         } else {
-            Err("expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2"
-                .to_owned())
+            Err(format!("expected a file ending in .nff or .obj, or {}, also with a size as in gears:2", Kind::LIST))
         }
     }
 }
@@ -85,18 +84,17 @@ mod tests {
 
     #[test]
     fn what_is_neither_is_refused() {
+        const NEITHER: &str = "expected a file ending in .nff or .obj, or gears, teapot, balls, tetra, slivers, plane, \
+                               decades, giant or corner, also with a size as in gears:2";
         for (text, reason) in [
-            (
-                "",
-                "expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2",
-            ),
-            (
-                "torus:3",
-                "expected a file ending in .nff or .obj, or gears, teapot, balls or tetra, also with a size as in gears:2",
-            ),
+            ("", NEITHER),
+            ("torus:3", NEITHER),
             ("gears:", "size of gears: expected an integer from 1 to 1000"),
             ("gears:0", "size of gears: expected an integer from 1 to 1000"),
-            ("balls:8", "balls of size 8: not made, expected a size from 1 to 7"),
+            (
+                "balls:8",
+                "balls of size 8: not made, it would be 48427563 triangles or spheres, expected a size from 1 to 7",
+            ),
         ] {
             assert_eq!(text.parse::<SceneSource>(), Err(reason.to_owned()));
         }

@@ -1,11 +1,17 @@
 //! Scenes written from their definitions: the ones of Haines' Standard Procedural Databases (SPD)
-//! that the paper uses, and two more.
+//! that the paper uses, two more of them, and five of our own that are hard for an octree.
 //!
 //! E. Haines, *A Proposal for Standard Graphics Environments*, IEEE Computer Graphics and Applications
 //! 7 (11), 1987. The definitions are his; sizes, order, materials, lights and views are as in SPD 3.14.
 
 mod balls;
+mod corner;
+mod decades;
 mod gears;
+mod giant;
+mod plane;
+mod random;
+mod slivers;
 mod teapot;
 mod teapot_patches;
 mod tetra;
@@ -30,7 +36,7 @@ use crate::atomic_file;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Procedural {
     pub kind: Kind,
-    /// SPD's size factor; its range depends on the kind.
+    /// Size factor, for SPD's scenes SPD's; its range depends on the kind.
     pub size: u32,
 }
 
@@ -45,11 +51,26 @@ pub enum Kind {
     Balls,
     /// A pyramid of 4ⁿ⁻¹ tetrahedra.
     Tetra,
+    /// 1000n long thin triangles, down to a millionth as wide as long, above a ground.
+    Slivers,
+    /// 100n² triangles of one plane.
+    Plane,
+    /// 1000n spheres with radii over nine decades, above a ground.
+    Decades,
+    /// 256n triangles on one that is a million times as large.
+    Giant,
+    /// n² small buildings of every kind of primitive in one corner of the root, and a sphere in the opposite one.
+    Corner,
 }
 
 /// A size that the kind does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{kind} of size {size}: not made, expected a size from {} to {}", kind.sizes().start(), kind.sizes().end())]
+#[error(
+    "{kind} of size {size}: not made, it would be {} triangles or spheres, expected a size from {} to {}",
+    kind.primitives(*size),
+    kind.sizes().start(),
+    kind.sizes().end()
+)]
 pub struct SizeError {
     pub kind: Kind,
     pub size: u32,
@@ -57,7 +78,7 @@ pub struct SizeError {
 
 /// No such procedural scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is not a procedural scene, expected gears, teapot, balls or tetra")]
+#[error("{_0:?} is not a procedural scene, expected {list}", list = Kind::LIST)]
 pub struct KindError(String);
 
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +90,20 @@ pub enum WriteError {
 }
 
 impl Kind {
-    pub const ALL: [Self; 4] = [Self::Gears, Self::Teapot, Self::Balls, Self::Tetra];
+    pub const ALL: [Self; 9] = [
+        Self::Gears,
+        Self::Teapot,
+        Self::Balls,
+        Self::Tetra,
+        Self::Slivers,
+        Self::Plane,
+        Self::Decades,
+        Self::Giant,
+        Self::Corner,
+    ];
+
+    /// Their names, for messages.
+    pub const LIST: &str = "gears, teapot, balls, tetra, slivers, plane, decades, giant or corner";
 
     /// As in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -78,6 +112,11 @@ impl Kind {
             Self::Teapot => "teapot",
             Self::Balls => "balls",
             Self::Tetra => "tetra",
+            Self::Slivers => "slivers",
+            Self::Plane => "plane",
+            Self::Decades => "decades",
+            Self::Giant => "giant",
+            Self::Corner => "corner",
         }
     }
 
@@ -86,17 +125,39 @@ impl Kind {
             Self::Gears | Self::Balls => 4,
             Self::Teapot => 12,
             Self::Tetra => 6,
+            Self::Slivers | Self::Decades => 10,
+            Self::Plane => 100,
+            Self::Giant => 2,
+            Self::Corner => 8,
         }
     }
 
-    /// The sizes that can be made: the largest is the last one below 40 million triangles and spheres.
-    /// A teapot of size 1 has patches without area at its cusps.
+    /// How many triangles and spheres, or for [`Self::Corner`] at the most.
+    pub fn primitives(self, size: u32) -> u128 {
+        let n = u128::from(size);
+        match self {
+            Self::Gears => n.pow(3) * (144 * 2 + 2 * 142) + 2,
+            Self::Teapot => 66 * n * n - 8 * n,
+            Self::Balls => (9u128.saturating_pow(size.saturating_add(1)) - 1) / 8 + 2,
+            Self::Tetra => 4u128.saturating_pow(size),
+            Self::Slivers | Self::Decades => 1000 * n + 2,
+            Self::Plane => 100 * n * n,
+            Self::Giant => 256 * n + 1,
+            Self::Corner => 42 * n * n + 3,
+        }
+    }
+
+    /// The sizes that can be made: the largest is the last one below 40 million triangles and spheres, or
+    /// 1000. A teapot of size 1 has patches without area at its cusps.
     pub const fn sizes(self) -> RangeInclusive<u32> {
         match self {
             Self::Gears => 1..=41,
             Self::Teapot => 2..=778,
             Self::Balls => 1..=7,
             Self::Tetra => 1..=12,
+            Self::Plane => 1..=632,
+            Self::Corner => 1..=975,
+            Self::Slivers | Self::Decades | Self::Giant => 1..=1000,
         }
     }
 }
@@ -116,7 +177,7 @@ impl FromStr for Kind {
 }
 
 impl Procedural {
-    /// `None`: SPD's default size.
+    /// `None`: the kind's default size.
     ///
     /// # Errors
     /// The kind is not made in this size.
@@ -132,6 +193,11 @@ impl Procedural {
             Kind::Teapot => teapot::scene(self.size),
             Kind::Balls => balls::scene(self.size),
             Kind::Tetra => tetra::scene(self.size),
+            Kind::Slivers => slivers::scene(self.size),
+            Kind::Plane => plane::scene(self.size),
+            Kind::Decades => decades::scene(self.size),
+            Kind::Giant => giant::scene(self.size),
+            Kind::Corner => corner::scene(self.size),
         }
     }
 }
@@ -157,7 +223,7 @@ pub fn write(kind: Kind, size: Option<u32>, file: Option<&Path>) -> Result<(), W
     Ok(())
 }
 
-/// What all SPD scenes have: the sky blue background, an angle of 45°, 512 × 512 pixels, and lights that
+/// What all of them have, as SPD's do: the sky blue background, an angle of 45°, 512 × 512 pixels, and lights that
 /// share a brightness of 1/√n.
 fn empty_scene<const LIGHTS: usize>(from: DVec3, at: DVec3, up: DVec3, lights: [DVec3; LIGHTS]) -> Scene {
     let colour = DVec3::splat(1.0 / (LIGHTS as f64).sqrt());
@@ -188,9 +254,13 @@ impl Scene {
     }
 
     fn add_polygon(&mut self, corners: &[DVec3]) {
+        self.add_polygon_of(corners, self.material());
+    }
+
+    fn add_polygon_of(&mut self, corners: &[DVec3], material: u32) {
         let first_vertex = self.vertices.len() as u32;
         self.vertices.extend_from_slice(corners);
-        let (vertex_count, material) = (corners.len() as u32, self.material());
+        let vertex_count = corners.len() as u32;
         self.polygons.push(Polygon { first_vertex, vertex_count, first_normal: None, material });
     }
 
@@ -229,13 +299,14 @@ mod tests {
     ];
 
     fn assert_close(what: &str, ours: DVec3, theirs: DVec3) {
-        assert!((ours - theirs).abs().max_element() <= 1e-5, "{what}: {ours} is not {theirs}");
+        let tolerance = 1e-5 * theirs.abs().max_element().max(1.0);
+        assert!((ours - theirs).abs().max_element() <= tolerance, "{what}: {ours} is not {theirs}");
     }
 
     fn assert_same_scene(ours: &Scene, theirs: &Scene) {
         let counts = |s: &Scene| (s.polygons.len(), s.vertices.len(), s.normals.len(), s.spheres.len(), s.cones.len());
         assert_eq!(counts(ours), counts(theirs));
-        assert_eq!(ours.polygons, theirs.polygons, "vertex counts, kinds or materials, in order");
+        assert!(ours.polygons == theirs.polygons, "vertex counts, kinds or materials, in order");
         for (&a, &b) in ours.vertices.iter().zip(&theirs.vertices) {
             assert_close("vertex", a, b);
         }
@@ -276,6 +347,20 @@ mod tests {
         }
     }
 
+    /// A file has a material wherever another one begins.
+    fn with_materials_as_written(mut scene: Scene) -> Scene {
+        let (mut written, mut current) = (Vec::new(), None);
+        let polygons = scene.polygons.iter_mut().map(|p| &mut p.material);
+        let spheres = scene.spheres.iter_mut().map(|s| &mut s.material);
+        for material in polygons.chain(spheres).chain(scene.cones.iter_mut().map(|c| &mut c.material)) {
+            if current.replace(*material) != Some(*material) {
+                written.push(scene.materials[*material as usize]);
+            }
+            *material = written.len() as u32 - 1;
+        }
+        Scene { materials: written, ..scene }
+    }
+
     #[test]
     fn what_is_written_reads_back_as_the_same_scene() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -283,9 +368,11 @@ mod tests {
             let size = *kind.sizes().start() + 1;
             let file = folder.path().join(format!("{kind}.nff"));
             write(kind, Some(size), Some(&file)).expect("written");
-            assert_same_scene(&nff::load(&file).expect("valid"), &Procedural { kind, size }.scene());
+            let written = with_materials_as_written(Procedural { kind, size }.scene());
+            assert_same_scene(&nff::load(&file).expect("valid"), &written);
         }
-        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4, "nothing but the four files");
+        let files = std::fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(files, Kind::ALL.len(), "nothing but a file each");
     }
 
     #[test]
@@ -304,6 +391,58 @@ mod tests {
     }
 
     #[test]
+    fn our_own_are_as_large_as_they_say() {
+        let counts = |kind, size| {
+            let scene = Procedural::new(kind, size).expect("a size that is made").scene();
+            (scene.polygons.len(), scene.spheres.len(), scene.cones.len())
+        };
+        assert_eq!(counts(Kind::Slivers, None), (10_001, 0, 0));
+        assert_eq!(counts(Kind::Plane, None), (1_000_000, 0, 0));
+        assert_eq!(counts(Kind::Plane, Some(3)), (900, 0, 0));
+        assert_eq!(counts(Kind::Decades, None), (1, 10_000, 0));
+        assert_eq!(counts(Kind::Giant, None), (513, 0, 0));
+        assert_eq!(counts(Kind::Corner, None), (335, 25, 48));
+    }
+
+    fn extents(corners: &[DVec3]) -> DVec3 {
+        let low = corners.iter().fold(DVec3::INFINITY, |low, &v| low.min(v));
+        corners.iter().fold(DVec3::NEG_INFINITY, |high, &v| high.max(v)) - low
+    }
+
+    #[test]
+    fn our_own_are_as_hard_as_they_say() {
+        let scene = |kind| Procedural::new(kind, None).expect("a default").scene();
+        let slivers = scene(Kind::Slivers);
+        let width_ratio = |corners: &[DVec3]| {
+            let (base, long) = (corners[1] - corners[0], corners[2] - corners[0]);
+            base.length() / long.length()
+        };
+        let ratios: Vec<f64> = slivers.polygons[1..].iter().map(|p| width_ratio(slivers.corners(p))).collect();
+        assert!(ratios.iter().all(|&ratio| ratio < 0.05) && ratios.iter().any(|&ratio| ratio < 2e-6));
+        assert!(scene(Kind::Plane).vertices.iter().all(|v| v.z == 0.0));
+        let radii: Vec<f64> = scene(Kind::Decades).spheres.iter().map(|s| s.radius).collect();
+        assert!((radii[0] / radii[radii.len() - 1] - 1e9).abs() < 1.0);
+        let giant = scene(Kind::Giant);
+        let sizes: Vec<f64> = giant.polygons.iter().map(|p| extents(giant.corners(p)).max_element()).collect();
+        assert!(sizes[1..].iter().all(|&size| (0.5e6..2e6).contains(&(sizes[0] / size))));
+        let corner = scene(Kind::Corner);
+        assert!(corner.polygons.iter().any(|p| p.vertex_count == 10), "concave ones");
+        let (low, high) = corner.bounds().expect("a town");
+        let town = low + (high - low) / 64.0;
+        assert!(corner.vertices.iter().all(|v| v.cmple(town).all()));
+        assert!(corner.spheres.iter().filter(|s| !s.centre.cmple(town).all()).count() == 1, "the moon");
+    }
+
+    /// Strewing does not depend on where, or on what else is made.
+    #[test]
+    fn the_same_scene_is_made_again() {
+        for kind in Kind::ALL {
+            let small = Procedural { kind, size: *kind.sizes().start() };
+            assert_eq!(small.scene(), small.scene(), "{kind}");
+        }
+    }
+
+    #[test]
     fn every_teapot_has_unit_normals() {
         for size in (2..40).chain([90]) {
             let teapot = Procedural { kind: Kind::Teapot, size }.scene();
@@ -313,16 +452,10 @@ mod tests {
 
     #[test]
     fn the_largest_sizes_stay_below_forty_million() {
-        let primitives = |kind, n: u64| match kind {
-            Kind::Gears => n.pow(3) * (144 * 2 + 2 * 142) + 2,
-            Kind::Teapot => 64 * n * n - 8 * n + 2 * n * n,
-            Kind::Balls => (9u64.pow(n as u32 + 1) - 1) / 8,
-            Kind::Tetra => 4u64.pow(n as u32),
-        };
         for kind in Kind::ALL {
-            let largest = u64::from(*kind.sizes().end());
-            assert!(primitives(kind, largest) <= 40_000_000, "{kind}");
-            assert!(primitives(kind, largest + 1) > 40_000_000, "{kind}");
+            let largest = *kind.sizes().end();
+            assert!(kind.primitives(largest) <= 40_000_000, "{kind}");
+            assert!(largest == 1000 || kind.primitives(largest + 1) > 40_000_000, "{kind}");
         }
     }
 
@@ -336,8 +469,12 @@ mod tests {
             assert!(Procedural::new(kind, Some(u32::MAX)).is_err());
         }
         let error = Procedural::new(Kind::Gears, Some(42)).expect_err("too large");
-        assert_eq!(error.to_string(), "gears of size 42: not made, expected a size from 1 to 41");
+        assert_eq!(
+            error.to_string(),
+            "gears of size 42: not made, it would be 42378338 triangles or spheres, expected a size from 1 to 41"
+        );
         let error = "cube".parse::<Kind>().expect_err("no such kind");
-        assert_eq!(error.to_string(), "\"cube\" is not a procedural scene, expected gears, teapot, balls or tetra");
+        assert_eq!(error.to_string(), format!("\"cube\" is not a procedural scene, expected {}", Kind::LIST));
+        assert_eq!(Kind::LIST.replace(" or ", ", "), Kind::ALL.map(Kind::name).join(", "));
     }
 }

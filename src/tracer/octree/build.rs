@@ -2,14 +2,17 @@
 //! the words of a subtree and the lists of its leaves lie together.
 
 use super::BuildParameters;
-use super::overlap::{Bounds, Cell, cone_octants, sphere_octants, triangle_octants};
+use super::octants::Octants;
+use super::overlap::Cell;
 use crate::database::compile::Records;
 use crate::database::records::{LeafEntry, OctreeWord, PrimitiveId};
 
-/// Cells are no longer divided once the leaves hold so many references: large coincident polygons would
-/// otherwise be listed in 4 times as many leaves with every level.
-const REFERENCES_A_PRIMITIVE: usize = 64;
-const REFERENCES_FREE: usize = 1 << 20;
+/// What the octree's sections may take at the most, in bytes: large polygons close to one another would
+/// otherwise be listed in 4 times as many leaves with every level. With its records, at most 84 bytes, a
+/// triangle takes 532.
+pub const BYTES_A_PRIMITIVE: u64 = 448;
+/// What they may take besides: nothing to a large scene, all that it wants to a small one.
+pub const BYTES_FREE: u64 = 1 << 20;
 
 /// The octree's two sections.
 #[derive(Clone, Debug, Default)]
@@ -20,40 +23,25 @@ pub struct Octree {
     pub leaf_lists: Vec<u32>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("the octree would have more than {} leaf entries", OctreeWord::INDEX_MAX)]
-pub struct OctreeTooLarge;
-
 /// Builds the octree over all primitives. The result is a function of the records and parameters alone.
-///
-/// # Errors
-/// The octree's sections outgrow what their words can index.
-pub fn build(records: &Records, parameters: BuildParameters) -> Result<Octree, OctreeTooLarge> {
+pub fn build(records: &Records, parameters: BuildParameters) -> Octree {
+    let count = records.primitive_count();
     let mut builder = Builder {
-        records,
+        primitives: Octants::new(records),
         parameters,
-        bounds: bounds(records),
         octree: Octree { words: vec![0; 8], leaf_lists: Vec::new() },
         cells: records.primitive_ids().map(|id| id.0).collect(),
         octants: Vec::new(),
     };
-    let all = builder.cells.len();
-    let root = builder.node(Cell::ROOT, 0, 0, all)?;
+    let bytes_max = records.octree_bytes_max().min(BYTES_FREE + BYTES_A_PRIMITIVE * count as u64);
+    let root = builder.node(Cell::ROOT, 0, 0, count, bytes_max);
     builder.octree.words[0] = root.0;
-    Ok(builder.octree)
-}
-
-fn bounds(records: &Records) -> Vec<Bounds> {
-    let triangles = records.triangles.iter().map(Bounds::of_triangle);
-    let spheres = records.spheres.iter().map(Bounds::of_sphere);
-    let cones = records.cones.iter().map(Bounds::of_cone);
-    triangles.chain(spheres).chain(cones).collect()
+    builder.octree
 }
 
 struct Builder<'a> {
-    records: &'a Records,
+    primitives: Octants<'a>,
     parameters: BuildParameters,
-    bounds: Vec<Bounds>,
     octree: Octree,
     /// The primitives of the cells on the way down, a stack: the current cell's are on top.
     cells: Vec<u32>,
@@ -62,79 +50,137 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Makes the node of a cell whose primitives are `cells[first..end]`.
-    fn node(&mut self, cell: Cell, level: u32, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    /// Makes the node of a cell whose primitives are `cells[first..end]`. When it and all below it are made,
+    /// the octree has at most `bytes_max` bytes; a leaf fits into that.
+    fn node(&mut self, cell: Cell, level: u32, first: usize, end: usize, bytes_max: u64) -> OctreeWord {
         let count = end - first;
         if count == 0 {
-            return Ok(OctreeWord::EMPTY);
+            return OctreeWord::EMPTY;
         }
-        let spent = self.octree.leaf_lists.len() > REFERENCES_FREE + REFERENCES_A_PRIMITIVE * self.bounds.len();
-        if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth || spent {
+        if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth {
             return self.leaf(first, end);
         }
-        self.octants.clear();
-        for i in first..end {
-            let octants = self.octants_of(PrimitiveId(self.cells[i]), cell);
-            self.octants.push(octants);
+        self.primitives.of(&self.cells[first..end], cell, &mut self.octants);
+        let mut counts = [0; 8];
+        for octants in &self.octants {
+            for (octant, count) in counts.iter_mut().enumerate() {
+                *count += usize::from(octants >> octant & 1);
+            }
         }
         // Where no child holds fewer than its parent, dividing further gains nothing.
-        if self.octants.iter().all(|&octants| octants == 0xff) {
+        let least_bytes = 4 * (8 + counts.iter().sum::<usize>() as u64);
+        if counts == [count; 8] || self.bytes() + least_bytes > bytes_max {
             return self.leaf(first, end);
         }
-        self.branch(cell, level, first, end)
+        self.branch(cell, level, first, counts, bytes_max)
     }
 
-    fn leaf(&mut self, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    fn bytes(&self) -> u64 {
+        4 * (self.octree.words.len() + self.octree.leaf_lists.len()) as u64
+    }
+
+    fn leaf(&mut self, first: usize, end: usize) -> OctreeWord {
         let at = self.octree.leaf_lists.len();
-        if at + (end - first) > OctreeWord::INDEX_MAX as usize {
-            return Err(OctreeTooLarge);
-        }
         let entry = |i: usize| LeafEntry::new(PrimitiveId(self.cells[i]), i + 1 == end).0;
         self.octree.leaf_lists.extend((first..end).map(entry));
-        Ok(OctreeWord::leaf(at as u32))
+        OctreeWord::leaf(at as u32)
     }
 
-    fn branch(&mut self, cell: Cell, level: u32, first: usize, end: usize) -> Result<OctreeWord, OctreeTooLarge> {
+    /// `counts`: how many of the primitives, `cells[first..]`, each octant holds.
+    fn branch(&mut self, cell: Cell, level: u32, first: usize, counts: [usize; 8], bytes_max: u64) -> OctreeWord {
         let block = self.octree.words.len() / 8;
-        if block > OctreeWord::INDEX_MAX as usize {
-            return Err(OctreeTooLarge);
-        }
         self.octree.words.extend([0; 8]);
         // The children's lists go onto the stack at once, since `octants` is reused further down.
-        let mut lists = [(0, 0); 8];
-        for (octant, list) in lists.iter_mut().enumerate() {
-            let from = self.cells.len();
-            for i in first..end {
-                if self.octants[i - first] >> octant & 1 == 1 {
-                    self.cells.push(self.cells[i]);
-                }
+        let bottom = self.cells.len();
+        let mut ends = [bottom; 8];
+        for octant in 1..8 {
+            ends[octant] = ends[octant - 1] + counts[octant - 1];
+        }
+        let top = ends[7] + counts[7];
+        self.cells.resize(top, 0);
+        for (i, &octants) in self.octants.iter().enumerate() {
+            let (id, mut rest) = (self.cells[first + i], octants);
+            while rest != 0 {
+                let end = &mut ends[rest.trailing_zeros() as usize];
+                self.cells[*end] = id;
+                *end += 1;
+                rest &= rest - 1;
             }
-            *list = (from, self.cells.len());
         }
-        let top = self.cells.len();
-        for (octant, &(from, to)) in lists.iter().enumerate() {
-            let word = self.node(cell.child(octant), level + 1, from, to)?;
-            self.octree.words[block * 8 + octant] = word.0;
-            self.cells.truncate(top);
+        // All children can be leaves. What is left over is shared by how many primitives they hold, and what
+        // one leaves of its share goes to the next.
+        let references = |end: usize| (end - bottom) as u64;
+        let bytes = self.bytes();
+        let spare = (bytes_max - bytes - 4 * references(top)) as f64 / references(top) as f64;
+        for octant in 0..8 {
+            let held = references(ends[octant]);
+            let bytes_max = bytes + 4 * held + (spare * held as f64) as u64;
+            let (from, to) = (ends[octant] - counts[octant], ends[octant]);
+            self.octree.words[block * 8 + octant] = self.node(cell.child(octant), level + 1, from, to, bytes_max).0;
         }
-        self.cells.truncate(lists[0].0);
-        Ok(OctreeWord::branch(block as u32))
+        self.cells.truncate(bottom);
+        OctreeWord::branch(block as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::database::compile::compile;
+    use crate::database::records::OctreeNode;
+    use crate::scene::procedural::{Kind, Procedural};
+    use crate::scene::{Material, Polygon, Scene};
+    use crate::tracer::octree::complete;
+
+    const FINEST: BuildParameters = BuildParameters { leaf_size: 1, max_depth: 20 };
+
+    /// Triangles as large as the root, one as hard to divide as the other.
+    fn large_triangles(count: u32) -> Scene {
+        let corner =
+            |i: u32| DVec3::new(libm::sin(f64::from(i)), libm::sin(f64::from(2 * i)), libm::sin(f64::from(3 * i)));
+        let polygon = |i| Polygon { first_vertex: 3 * i, vertex_count: 3, first_normal: None, material: 0 };
+        Scene {
+            materials: vec![Material::WHITE],
+            vertices: (0..3 * count).map(corner).collect(),
+            polygons: (0..count).map(polygon).collect(),
+            ..Scene::default()
+        }
     }
 
-    fn octants_of(&self, id: PrimitiveId, cell: Cell) -> u8 {
-        let index = id.0 as usize;
-        let candidates = self.bounds[index].octants(cell);
-        // In one octant only: it is that one, since the primitive reaches into the cell.
-        if candidates.count_ones() <= 1 {
-            return candidates;
+    #[test]
+    fn any_scene_is_below_600_bytes_a_primitive_and_a_mebibyte() {
+        let procedural = |kind, size| Procedural { kind, size }.scene();
+        let scenes = [
+            large_triangles(3000),
+            procedural(Kind::Slivers, 2),
+            procedural(Kind::Gears, 1),
+            procedural(Kind::Teapot, 12),
+            procedural(Kind::Corner, 8),
+        ];
+        for (i, scene) in scenes.iter().enumerate() {
+            for parameters in [FINEST, BuildParameters { leaf_size: 8, max_depth: 12 }] {
+                let records = compile(scene).expect("records");
+                let (count, materials) = (records.primitive_count() as u64, records.materials.len() as u64);
+                let octree = build(&records, parameters);
+                let bytes = 4 * (octree.words.len() + octree.leaf_lists.len()) as u64;
+                assert!(bytes <= BYTES_A_PRIMITIVE * count + BYTES_FREE, "scene {i}");
+                let image = complete(records, parameters).expect("an image");
+                let image_bytes = image.database().header.layout.image_bytes();
+                assert!(image_bytes <= 600 * count + BYTES_FREE + 48 * materials, "scene {i}");
+            }
         }
-        let (triangles, spheres) = (self.records.triangles.len(), self.records.spheres.len());
-        if index < triangles {
-            triangle_octants(&self.records.triangles[index], cell, candidates)
-        } else if index < triangles + spheres {
-            sphere_octants(&self.records.spheres[index - triangles], cell, candidates)
-        } else {
-            cone_octants(&self.records.cones[index - triangles - spheres], cell, candidates)
+    }
+
+    #[test]
+    fn every_part_gets_its_share_of_what_the_octree_may_take() {
+        let octree = build(&compile(&large_triangles(3000)).expect("records"), FINEST);
+        let bytes = 4 * (octree.words.len() + octree.leaf_lists.len()) as u64;
+        assert!(bytes * 10 > (BYTES_A_PRIMITIVE * 3000 + BYTES_FREE) * 9, "{bytes} bytes: little is left over");
+        let Some(OctreeNode::Branch(root)) = OctreeWord(octree.words[0]).decode() else { panic!("a branch") };
+        for child in &octree.words[8 * root as usize..][..8] {
+            assert!(matches!(OctreeWord(*child).decode(), Some(OctreeNode::Branch(_))));
         }
     }
 }

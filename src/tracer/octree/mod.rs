@@ -4,9 +4,10 @@ pub mod build;
 pub mod census;
 pub mod hero;
 pub mod mailbox;
+mod octants;
 pub mod overlap;
 
-use crate::database::compile::{CompileError, compile};
+use crate::database::compile::{CompileError, Records, compile};
 use crate::database::verify::{Corrupt, Verified};
 use crate::scene::Scene;
 
@@ -23,8 +24,6 @@ pub struct BuildParameters {
 pub enum BuildError {
     #[error(transparent)]
     Compile(#[from] CompileError),
-    #[error("{0}; a larger octree.leaf_size or a smaller octree.max_depth needs less")]
-    Octree(#[from] build::OctreeTooLarge),
     #[error(transparent)]
     TooLarge(#[from] crate::database::layout::TooLarge),
     #[error(transparent)]
@@ -34,10 +33,17 @@ pub enum BuildError {
 /// Scene → database, the octree built eagerly.
 ///
 /// # Errors
-/// The scene or its octree is larger than the image can address.
+/// The scene is larger than the image can address.
 pub fn build_database(scene: &Scene, parameters: BuildParameters) -> Result<Verified, BuildError> {
-    let records = compile(scene)?;
-    let octree = build::build(&records, parameters)?;
-    let database = records.assemble(&octree.words, &octree.leaf_lists, parameters.max_depth)?;
+    complete(compile(scene)?, parameters)
+}
+
+/// [`build_database`] from the records on, which need the scene no more.
+///
+/// # Errors
+/// As [`build_database`]'s.
+pub fn complete(records: Records, parameters: BuildParameters) -> Result<Verified, BuildError> {
+    let octree = build::build(&records, parameters);
+    let database = records.assemble(octree.words, octree.leaf_lists, parameters.max_depth)?;
     Ok(Verified::new(database)?)
 }

@@ -1,0 +1,85 @@
+//! Which of a cell's eight children each of its primitives reaches into, with the vector instructions that
+//! the processor has: the same decisions with all of them, since nothing is fused or reordered.
+
+use super::overlap::{Bounds, Cell, cone_octants, sphere_octants, triangle_octants};
+use crate::database::compile::Records;
+use crate::tracer::simd::Simd;
+
+/// Asks the primitives of a database.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Octants<'a> {
+    records: &'a Records,
+    simd: Simd,
+}
+
+impl<'a> Octants<'a> {
+    pub(super) fn new(records: &'a Records) -> Self {
+        Self { records, simd: Simd::best() }
+    }
+
+    /// For each of `ids`, which reach into the cell: bit o is set if it reaches into octant o.
+    pub(super) fn of(&self, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
+        match self.simd {
+            // SAFETY: `Simd::best` has seen that this processor has these instructions.
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx512 => unsafe { with_avx512(self.records, ids, cell, octants) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Simd::Avx2 => unsafe { with_avx2(self.records, ids, cell, octants) },
+            _ => of_all(self.records, ids, cell, octants),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl")]
+fn with_avx512(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
+    of_all(records, ids, cell, octants);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
+    of_all(records, ids, cell, octants);
+}
+
+#[inline(always)]
+fn of_all(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
+    let Records { triangles, spheres, cones, .. } = records;
+    // The boxes first, in a loop without a branch that depends on what it loads.
+    octants.clear();
+    octants.resize(ids.len(), 0);
+    for (&id, octants) in ids.iter().zip(&mut *octants) {
+        *octants = match triangles.get(id as usize) {
+            Some(triangle) => Bounds::of_triangle(triangle).octants(cell),
+            None => curved_bounds(records, id as usize).octants(cell),
+        };
+    }
+    for (&id, octants) in ids.iter().zip(octants) {
+        // In one octant only: it is that one, since the primitive reaches into the cell.
+        if octants.count_ones() <= 1 {
+            continue;
+        }
+        let index = id as usize;
+        *octants = if let Some(triangle) = triangles.get(index) {
+            // In two, on either side of a plane, and nowhere outside of the cell: a vertex is in each.
+            if octants.count_ones() == 2 && Bounds::of_triangle(triangle).is_within(cell) {
+                continue;
+            }
+            triangle_octants(triangle, cell, *octants)
+        } else if let Some(sphere) = spheres.get(index - triangles.len()) {
+            sphere_octants(sphere, cell, *octants)
+        } else {
+            cone_octants(&cones[index - triangles.len() - spheres.len()], cell, *octants)
+        };
+    }
+}
+
+#[inline(never)]
+fn curved_bounds(records: &Records, index: usize) -> Bounds {
+    let index = index - records.triangles.len();
+    match records.spheres.get(index) {
+        Some(sphere) => Bounds::of_sphere(sphere),
+        None => Bounds::of_cone(&records.cones[index - records.spheres.len()]),
+    }
+}
