@@ -77,7 +77,8 @@ mod tests {
 
     #[test]
     fn an_ordinary_scene_fills_the_root_but_for_the_margin() {
-        for (lo, hi) in [(-1.0, 1.0), (0.0, 1e-12), (1e6, 1e6 + 1.0), (-1e12, 1e12), (1e9, 1e9 + 1.0), (-1e308, 1e308)] {
+        for (lo, hi) in [(-1.0, 1.0), (0.0, 1e-12), (1e6, 1e6 + 1.0), (-1e12, 1e12), (1e9, 1e9 + 1.0), (-1e308, 1e308)]
+        {
             let (lo, hi) = (DVec3::splat(lo), DVec3::new(hi, lo, lo));
             let scale = Normalisation::new(Some((lo, hi))).scale;
             assert_eq!(scale, Normalisation::FILL / (hi.x * 0.5 - lo.x * 0.5), "{lo} {hi}");
