@@ -61,13 +61,13 @@ impl<'a> Subject<'a> {
     }
 
     pub fn tracer(&self, kernel: Kernel) -> KernelTracer<'_> {
-        let tracer = match kernel {
-            Kernel::Hero => Tracer::Hero {
+        let tracer: Box<dyn Trace + '_> = match kernel {
+            Kernel::Hero => Box::new(HeroTracer {
                 hero: Hero::new(&self.database.database().header, true),
                 port: Slices::new(self.database),
                 stats: TraceStats::default(),
-            },
-            Kernel::Wide(simd) => Tracer::Wide(WideTracer::new(&self.wide, self.database, simd)),
+            }),
+            Kernel::Wide(simd) => Box::new(WideTracer::new(&self.wide, self.database, simd)),
         };
         KernelTracer { kernel, tracer }
     }
@@ -76,13 +76,7 @@ impl<'a> Subject<'a> {
 /// One kernel at work on one database.
 pub struct KernelTracer<'a> {
     kernel: Kernel,
-    tracer: Tracer<'a>,
-}
-
-#[expect(clippy::large_enum_variant, reason = "there are as many of them as kernels")]
-enum Tracer<'a> {
-    Hero { hero: Hero, port: Slices<'a>, stats: TraceStats },
-    Wide(WideTracer<'a>),
+    tracer: Box<dyn Trace + 'a>,
 }
 
 impl KernelTracer<'_> {
@@ -92,29 +86,51 @@ impl KernelTracer<'_> {
 
     /// The nearest hit of each ray.
     pub fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        match &mut self.tracer {
-            Tracer::Wide(wide) => wide.nearest(rays),
-            Tracer::Hero { hero, port, stats } => {
-                let nearest = |ray| {
-                    let Ok(hit) = hero.nearest(port, ray, stats);
-                    hit
-                };
-                rays.iter().map(nearest).collect()
-            }
-        }
+        self.tracer.nearest(rays)
     }
 
     /// Whether anything is hit before each ray's `t_max`.
     pub fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
-        match &mut self.tracer {
-            Tracer::Wide(wide) => wide.occluded(rays),
-            Tracer::Hero { hero, port, stats } => {
-                let occluded = |ray| {
-                    let Ok(hit) = hero.occluded(port, ray, stats);
-                    hit
-                };
-                rays.iter().map(occluded).collect()
-            }
-        }
+        self.tracer.occluded(rays)
+    }
+}
+
+trait Trace {
+    fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>>;
+    fn occluded(&mut self, rays: &[Ray]) -> Vec<bool>;
+}
+
+impl Trace for WideTracer<'_> {
+    fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        self.nearest(rays)
+    }
+
+    fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
+        self.occluded(rays)
+    }
+}
+
+/// What [`Hero`] needs to trace by itself.
+struct HeroTracer<'a> {
+    hero: Hero,
+    port: Slices<'a>,
+    stats: TraceStats,
+}
+
+impl Trace for HeroTracer<'_> {
+    fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let nearest = |ray| {
+            let Ok(hit) = self.hero.nearest(&mut self.port, ray, &mut self.stats);
+            hit
+        };
+        rays.iter().map(nearest).collect()
+    }
+
+    fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
+        let occluded = |ray| {
+            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut self.stats);
+            hit
+        };
+        rays.iter().map(occluded).collect()
     }
 }
