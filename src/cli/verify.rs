@@ -33,10 +33,17 @@ pub struct VerifyArguments {
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Multiply the scene's coordinates by this before it is compiled
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, conflicts_with = "watertight")]
     scale: f64,
     /// Add this to the scene's coordinates, on every axis and after scaling
-    #[arg(long, value_name = "X", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    #[arg(
+        long,
+        value_name = "X",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        value_parser = finite,
+        conflicts_with = "watertight"
+    )]
     translate: f64,
     #[command(flatten)]
     octree: OctreeOptions,

@@ -105,7 +105,8 @@ impl ClosedMesh {
             let first = vertices.len() as u32;
             vertices.push(place(0.0, 0.0));
             for i in 0..4 * spokes {
-                let along = -1.0 + 2.0 * f64::from(i % spokes) / f64::from(spokes);
+                // Rounded alike on both sides of the middle: neighbouring faces run along their edge both ways.
+                let along = (2.0 * f64::from(i % spokes) - f64::from(spokes)) / f64::from(spokes);
                 let (u, v) = [(along, -1.0), (1.0, along), (-along, 1.0), (-1.0, -along)][(i / spokes) as usize];
                 vertices.push(place(u, v));
                 triangles.push([first, first + 1 + i, first + 1 + (i + 1) % (4 * spokes)]);
