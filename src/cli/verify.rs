@@ -18,6 +18,7 @@ use crate::tracer::view::ImageSettings;
 /// Every ray goes through each kernel: hero, one ray at a time, and wide, in batches, with every set of vector
 /// instructions that this processor has. All have to give the same bits.
 #[derive(Clone, Debug, Args)]
+#[command(override_usage = "marti verify [OPTIONS] <SCENE>\n       marti verify [OPTIONS] --watertight")]
 pub struct VerifyArguments {
     /// An .nff or .obj file, or gears, teapot, balls, tetra, also with a size as in gears:2
     #[arg(required_unless_present = "watertight", conflicts_with = "watertight")]
