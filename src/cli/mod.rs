@@ -10,6 +10,7 @@ pub mod run;
 pub mod scene;
 pub mod schema;
 pub mod verify;
+mod watertight;
 
 use std::io::{self, ErrorKind, Write};
 
@@ -63,6 +64,11 @@ fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// Pretty JSON with a line end.
+fn json(value: &impl serde::Serialize) -> Result<String, Failure> {
+    serde_json::to_string_pretty(value).map(|json| json + "\n").map_err(|error| Failure::failed(error.to_string()))
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
@@ -91,6 +97,7 @@ mod tests {
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
             "marti check t.toml --set scene.file=a.nff",
             "marti verify teapot:12 --rays 1000 --seed 7 --scale 1e-12 --translate -1e6 --json",
+            "marti verify --watertight --rays 1000000000 --seed 2",
             "marti schema topology",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).expect_err("refused"));
@@ -120,6 +127,8 @@ mod tests {
             ("marti render a.nff --max-depth 21", "expected an integer from 0 to 20"),
             ("marti render a.nff --mailbox maybe", "possible values: on, off"),
             ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
+            ("marti verify", "<SCENE>"),
+            ("marti verify gears --watertight", "cannot be used with"),
             ("marti verify gears --scale 0", "expected a positive number"),
             ("marti verify gears --translate inf", "expected a finite number"),
             ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),

@@ -1,4 +1,4 @@
-//! `marti verify SCENE`
+//! `marti verify`
 
 use std::fmt::Write;
 
@@ -6,18 +6,27 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::OctreeOptions;
-use super::{Failure, print};
-use crate::oracle::{self, AimedAt, Verification};
+use super::{Failure, print, watertight};
+use crate::oracle::{self, AimedAt, Counts, Verification};
 use crate::preparation::{self, Fallback};
 use crate::scene::Placement;
 use crate::topology::{Octree, SceneSource};
 use crate::tracer::view::ImageSettings;
 
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
+///
+/// Every ray goes through each kernel: hero, one ray at a time, and wide, in batches, with every set of vector
+/// instructions that this processor has. All have to give the same bits.
 #[derive(Clone, Debug, Args)]
+#[command(override_usage = "marti verify [OPTIONS] <SCENE>\n       marti verify [OPTIONS] --watertight")]
 pub struct VerifyArguments {
     /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
-    pub scene: SceneSource,
+    #[arg(required_unless_present = "watertight", conflicts_with = "watertight")]
+    pub scene: Option<SceneSource>,
+    /// Instead of a scene: rays from inside of closed meshes, aimed exactly at their edges and vertices, of which
+    /// none may escape; they are dealt out to the kernels
+    #[arg(long)]
+    watertight: bool,
     /// Rays to shoot: through pixels, anywhere, along axes, at edges and vertices, from surfaces
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     rays: u64,
@@ -25,10 +34,17 @@ pub struct VerifyArguments {
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Multiply the scene's coordinates by this before it is compiled
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, conflicts_with = "watertight")]
     scale: f64,
     /// Add this to the scene's coordinates, on every axis and after scaling
-    #[arg(long, value_name = "X", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    #[arg(
+        long,
+        value_name = "X",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        value_parser = finite,
+        conflicts_with = "watertight"
+    )]
     translate: f64,
     #[command(flatten)]
     octree: OctreeOptions,
@@ -38,26 +54,38 @@ pub struct VerifyArguments {
 }
 
 pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
-    let mut scene = preparation::load(&arguments.scene)?;
+    let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
+    match &arguments.scene {
+        Some(source) => verify_scene(arguments, source, octree),
+        None => watertight::verify(arguments.rays, arguments.seed, octree, arguments.json),
+    }
+}
+
+fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octree) -> Result<(), Failure> {
+    let mut scene = preparation::load(source)?;
     let placement = Placement { scale: arguments.scale, translation: arguments.translate };
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| Ok(ImageSettings { width: 1000, height: 1000, depth: 0, cutoff: 0.0 });
     let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
-    let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
-    let database = preparation::build(&arguments.scene, scene, octree)?;
+    let database = preparation::build(source, scene, octree)?;
     let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);
-    let report = Report { scene: arguments.scene.to_string(), placement, seed: arguments.seed, verification };
+    let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {
-        let json = serde_json::to_string_pretty(&report).map_err(|error| Failure::failed(error.to_string()))?;
-        print(&(json + "\n"))?;
+        print(&super::json(&report)?)?;
     } else {
         print(&report.text())?;
     }
-    let total = &report.verification.total;
+    let mut faults = Counts::default();
+    for kernel in &report.verification.kernels {
+        faults.sum(&kernel.total);
+    }
     if report.verification.holds() {
         Ok(())
     } else {
-        Err(Failure::failed(format!("{} lost hits, {} false hits", total.lost, total.false_hits)))
+        Err(Failure::failed(format!(
+            "{} lost hits, {} false hits, {} self-hits, {} answers that are not HERO's",
+            faults.lost, faults.false_hits, faults.self_hits, faults.differing
+        )))
     }
 }
 
@@ -86,31 +114,45 @@ impl Report {
         text
     }
 
+    /// A row a kernel, and what HERO's rays were aimed at; JSON has that of every kernel.
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let Placement { scale, translation } = self.placement;
         writeln!(out, "scene     {}, scaled by {scale:e}, moved by {translation:e}", self.scene)?;
-        let columns = ["rays", "hits", "agreeing", "lost", "false", "other", "self-hits", "depth error"];
-        write!(out, "{:<12}", "aimed at")?;
-        for column in columns {
-            write!(out, "{column:>12}")?;
+        let kernels = &self.verification.kernels;
+        write_head(out, "kernel")?;
+        for kernel in kernels {
+            write_row(out, &kernel.kernel.to_string(), &kernel.total)?;
         }
-        writeln!(out)?;
-        let rows = AimedAt::ALL.map(|aim| (aim.name(), &self.verification.by_aim[aim as usize]));
-        for (name, c) in rows.into_iter().chain([("all", &self.verification.total)]) {
-            let counts = [c.rays, c.hits, c.agreeing, c.lost, c.false_hits, c.other_primitive, c.self_hits];
-            write!(out, "{name:<12}")?;
-            for count in counts {
-                write!(out, "{count:>12}")?;
+        if let Some(hero) = kernels.first() {
+            writeln!(out)?;
+            write_head(out, "hero, at")?;
+            for aim in AimedAt::ALL {
+                write_row(out, aim.name(), &hero.by_aim[aim as usize])?;
             }
-            writeln!(out, "{:>12.2e}", c.worst_depth_error)?;
         }
         for d in &self.verification.disagreements {
             writeln!(
                 out,
-                "from {:?} along {:?}: found {:?}, expected {:?} of {:?}",
-                d.origin, d.direction, d.found, d.nearest, d.candidates
+                "{}, {:?}: from {:?} along {:?} found {:?}, expected {:?} of {:?}",
+                d.kernel, d.fault, d.origin, d.direction, d.found, d.nearest, d.candidates
             )?;
         }
         Ok(())
     }
+}
+
+fn write_head(out: &mut String, first: &str) -> std::fmt::Result {
+    write!(out, "{first:<12}")?;
+    for column in ["rays", "hits", "agreeing", "lost", "false", "other", "self-hits", "differing", "depth error"] {
+        write!(out, "{column:>12}")?;
+    }
+    writeln!(out)
+}
+
+fn write_row(out: &mut String, name: &str, c: &Counts) -> std::fmt::Result {
+    write!(out, "{name:<12}")?;
+    for count in [c.rays, c.hits, c.agreeing, c.lost, c.false_hits, c.other_primitive, c.self_hits, c.differing] {
+        write!(out, "{count:>12}")?;
+    }
+    writeln!(out, "{:>12.2e}", c.worst_depth_error)
 }

@@ -5,12 +5,16 @@
 //! a surface is not its question.
 
 pub mod brute_force;
+pub mod closed_mesh;
 pub mod curved;
 pub mod determinant;
+pub mod kernels;
 pub mod rays;
 pub mod triangle;
 pub mod verification;
 
 pub use brute_force::{Answer, BruteForce, Verdict};
+pub use closed_mesh::ClosedMesh;
+pub use kernels::{Kernel, KernelTracer, Subject};
 pub use rays::AimedAt;
-pub use verification::{Verification, verify};
+pub use verification::{Counts, KernelCounts, Verification, verify};

@@ -1,44 +1,74 @@
-//! The tracer held against the oracle, ray by ray.
+//! Every kernel held against the oracle, ray by ray, and against each other.
 
 use serde::Serialize;
 
 use super::brute_force::{Answer, BruteForce, Verdict};
+use super::kernels::{Kernel, Subject};
 use super::rays::{AimedAt, Rays};
 use crate::database::verify::Verified;
-use crate::tracer::hit::Hit;
-use crate::tracer::octree::hero::Hero;
+use crate::tracer::View;
+use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::ray::{Ray, Source};
-use crate::tracer::slices::Slices;
-use crate::tracer::{TraceStats, View};
+
+/// Rays that a kernel is given at once.
+const BATCH: u64 = 256;
+
+/// Faults that are told in full.
+const TOLD: usize = 8;
 
 /// What came of some rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Counts {
     pub rays: u64,
-    /// Rays for which the tracer found a hit.
+    /// Rays for which the kernel found a hit.
     pub hits: u64,
     /// The same hit, or none, in both.
     pub agreeing: u64,
-    /// Rays whose nearest hit the tracer did not find.
+    /// Rays whose nearest hit the kernel did not find.
     pub lost: u64,
-    /// Rays for which the tracer found what is not there.
+    /// Rays for which the kernel found what is not there.
     #[serde(rename = "false")]
     pub false_hits: u64,
     /// Another primitive than the oracle's first, as near as that one within the rounding of f32.
     pub other_primitive: u64,
     /// Hits on what the ray leaves from, where the oracle has none.
     pub self_hits: u64,
+    /// Rays for which the kernel's answer is not HERO's bit by bit, or for which it does not say that something is
+    /// hit just where it finds a nearest hit.
+    pub differing: u64,
     /// Of the rays that agree, beyond the oracle's own error; relative to the depth.
     pub worst_depth_error: f64,
 }
 
-/// A ray on which tracer and oracle do not agree.
+/// What came of one kernel's rays.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KernelCounts {
+    pub kernel: Kernel,
+    #[serde(flatten)]
+    pub total: Counts,
+    /// By [`AimedAt`].
+    pub by_aim: [Counts; AimedAt::COUNT],
+}
+
+/// What a kernel did wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    Lost,
+    False,
+    SelfHit,
+    Differing,
+}
+
+/// A ray with which a kernel did something wrong.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Disagreement {
+    pub kernel: Kernel,
+    pub fault: Fault,
     pub aimed_at: AimedAt,
     pub origin: [f32; 3],
     pub direction: [f32; 3],
-    /// Depth and primitive that the tracer found.
+    /// Depth and primitive that the kernel found.
     pub found: Option<(f32, u32)>,
     /// Depth and primitives of the oracle.
     pub nearest: Option<f64>,
@@ -47,19 +77,22 @@ pub struct Disagreement {
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verification {
-    #[serde(flatten)]
-    pub total: Counts,
-    /// By [`AimedAt`].
-    pub by_aim: [Counts; AimedAt::COUNT],
+    /// HERO first.
+    pub kernels: Vec<KernelCounts>,
     /// The first of them.
     pub disagreements: Vec<Disagreement>,
 }
 
-/// Disagreements that are told in full.
-const TOLD: usize = 8;
+/// A ray, what HERO makes of it, and what the oracle does.
+struct Question {
+    aim: AimedAt,
+    ray: Ray,
+    hero: Option<Hit>,
+    answer: Answer,
+}
 
 impl Counts {
-    fn add(&mut self, hit: Option<&Hit>, self_hit: bool, verdict: Verdict) {
+    fn add(&mut self, hit: Option<&Hit>, verdict: Verdict, self_hit: bool, differing: bool) {
         self.rays += 1;
         self.hits += u64::from(hit.is_some());
         match verdict {
@@ -75,9 +108,10 @@ impl Counts {
             Verdict::False => self.false_hits += 1,
         }
         self.self_hits += u64::from(self_hit);
+        self.differing += u64::from(differing);
     }
 
-    fn sum(&mut self, other: &Self) {
+    pub fn sum(&mut self, other: &Self) {
         self.rays += other.rays;
         self.hits += other.hits;
         self.agreeing += other.agreeing;
@@ -85,30 +119,45 @@ impl Counts {
         self.false_hits += other.false_hits;
         self.other_primitive += other.other_primitive;
         self.self_hits += other.self_hits;
+        self.differing += other.differing;
         self.worst_depth_error = self.worst_depth_error.max(other.worst_depth_error);
+    }
+
+    /// Whether nothing was lost or made up, and every kernel says the same.
+    pub fn hold(&self) -> bool {
+        self.lost == 0 && self.false_hits == 0 && self.self_hits == 0 && self.differing == 0
     }
 }
 
 impl Verification {
-    /// Whether the tracer lost nothing and made nothing up.
     pub fn holds(&self) -> bool {
-        self.total.lost == 0 && self.total.false_hits == 0
+        self.kernels.iter().all(|kernel| kernel.total.hold())
     }
 
-    fn add(&mut self, aim: AimedAt, ray: &Ray, hit: Option<&Hit>, answer: &Answer) {
+    fn add(&mut self, which: usize, question: &Question, hit: Option<&Hit>, occluded: bool) {
+        let Question { aim, ray, hero, answer } = question;
         let verdict = answer.judge(hit);
         let wrong = matches!(verdict, Verdict::Lost | Verdict::False);
-        let self_hit = match (ray.source, hit.map(|h| (h.on, h.primitive.0))) {
-            (Source::Polygon(own), Some((crate::tracer::hit::HitOn::Triangle { triangle, .. }, _))) => {
-                triangle.polygon() == own
-            }
-            (Source::Curved(own), Some((_, primitive))) => primitive == own && wrong,
+        let self_hit = hit.is_some_and(|hit| match (ray.source, hit.on) {
+            (Source::Polygon(own), HitOn::Triangle { triangle, .. }) => triangle.polygon() == own,
+            (Source::Curved(own), _) => hit.primitive.0 == own && wrong,
             _ => false,
+        });
+        let differing = bits(hit) != bits(hero.as_ref()) || occluded != hit.is_some();
+        let kernel = &mut self.kernels[which];
+        kernel.by_aim[*aim as usize].add(hit, verdict, self_hit, differing);
+        let fault = match verdict {
+            Verdict::Lost => Fault::Lost,
+            Verdict::False => Fault::False,
+            _ if self_hit => Fault::SelfHit,
+            _ if differing => Fault::Differing,
+            _ => return,
         };
-        self.by_aim[aim as usize].add(hit, self_hit, verdict);
-        if wrong && self.disagreements.len() < TOLD {
+        if self.disagreements.len() < TOLD {
             self.disagreements.push(Disagreement {
-                aimed_at: aim,
+                kernel: kernel.kernel,
+                fault,
+                aimed_at: *aim,
                 origin: ray.origin,
                 direction: ray.direction,
                 found: hit.map(|h| (h.t, h.primitive.0)),
@@ -119,44 +168,62 @@ impl Verification {
     }
 }
 
-/// Shoots `rays` rays, of all kinds in turn, through HERO and through the oracle.
+fn bits(hit: Option<&Hit>) -> Option<(u32, u32)> {
+    hit.map(|hit| (hit.t.to_bits(), hit.primitive.0))
+}
+
+/// Shoots `rays` rays, of all kinds in turn, through every kernel and through the oracle.
 pub fn verify(database: &Verified, view: &View, rays: u64, seed: u64) -> Verification {
+    let subject = Subject::new(database);
+    let mut tracers = subject.tracers();
     let oracle = BruteForce::new(database);
-    let mut port = Slices::new(database);
-    let mut hero = Hero::new(&database.database().header, true);
-    let mut stats = TraceStats::default();
     let mut source = Rays::new(database, view, seed);
-    let mut found = Verification::default();
-    let mut last_surface = None;
-    for (_, mut aim) in (0..rays).zip(AimedAt::ALL.into_iter().cycle()) {
-        let chosen = match aim {
-            AimedAt::Pixel => source.through_pixel(),
-            AimedAt::Anywhere => None,
-            AimedAt::AlongAxes => Some(source.along_axes()),
-            AimedAt::Edge => Some(source.at_edge()),
-            AimedAt::FromSurface => leaving(last_surface.take(), &mut source),
-        };
-        // Where there is no such ray, as from a surface before any was hit, it is one aimed anywhere.
-        let ray = chosen.unwrap_or_else(|| {
-            aim = AimedAt::Anywhere;
-            source.anywhere()
-        });
-        let Ok(hit) = hero.nearest(&mut port, &ray, &mut stats);
-        found.add(aim, &ray, hit.as_ref(), &oracle.nearest(&ray));
-        if let Some(hit) = hit {
-            last_surface = Some((ray, hit));
+    let counts = |kernel| KernelCounts { kernel, total: Counts::default(), by_aim: Default::default() };
+    let mut found = Verification {
+        kernels: tracers.iter().map(|tracer| counts(tracer.kernel())).collect(),
+        disagreements: Vec::new(),
+    };
+    let mut aims = AimedAt::ALL.into_iter().cycle();
+    let mut surfaces = Vec::new();
+    for first in (0..rays).step_by(BATCH as usize) {
+        let count = BATCH.min(rays - first) as usize;
+        let (aims, rays): (Vec<AimedAt>, Vec<Ray>) =
+            aims.by_ref().take(count).map(|aim| aimed(&mut source, aim, &mut surfaces)).unzip();
+        let hero = tracers[0].nearest(&rays);
+        surfaces.clear();
+        surfaces.extend(rays.iter().zip(&hero).filter_map(|(ray, hit)| hit.map(|hit| (*ray, hit))));
+        let ask = |((aim, &ray), hero)| Question { aim, ray, hero, answer: oracle.nearest(&ray) };
+        let questions: Vec<Question> = aims.into_iter().zip(&rays).zip(hero).map(ask).collect();
+        for (which, tracer) in tracers.iter_mut().enumerate() {
+            let hits = tracer.nearest(&rays);
+            let occluded = tracer.occluded(&rays);
+            for ((question, hit), occluded) in questions.iter().zip(hits).zip(occluded) {
+                found.add(which, question, hit.as_ref(), occluded);
+            }
         }
     }
-    for counts in found.by_aim {
-        found.total.sum(&counts);
+    for kernel in &mut found.kernels {
+        for counts in kernel.by_aim {
+            kernel.total.sum(&counts);
+        }
     }
     found
 }
 
+/// A ray of this kind; where there is none, as from a surface before any was hit, one aimed anywhere.
+fn aimed(source: &mut Rays<'_>, aim: AimedAt, surfaces: &mut Vec<(Ray, Hit)>) -> (AimedAt, Ray) {
+    let ray = match aim {
+        AimedAt::Pixel => source.through_pixel(),
+        AimedAt::Anywhere => None,
+        AimedAt::AlongAxes => Some(source.along_axes()),
+        AimedAt::Edge => Some(source.at_edge()),
+        AimedAt::FromSurface => surfaces.pop().map(|(ray, hit)| leaving(&ray, &hit, source)),
+    };
+    ray.map_or_else(|| (AimedAt::Anywhere, source.anywhere()), |ray| (aim, ray))
+}
+
 /// A ray from a hit's surface, to either side of it.
-fn leaving(surface: Option<(Ray, Hit)>, source: &mut Rays<'_>) -> Option<Ray> {
-    let (ray, hit) = surface?;
-    let point = hit.surface_point(&ray);
-    let direction = source.direction();
-    Some(Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source))
+fn leaving(ray: &Ray, hit: &Hit, source: &mut Rays<'_>) -> Ray {
+    let point = hit.surface_point(ray);
+    Ray::leaving(point.position, point.normal, source.direction(), f32::INFINITY, point.source)
 }

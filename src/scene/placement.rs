@@ -15,7 +15,7 @@ pub struct Placement {
 
 /// A coordinate or radius would no longer be finite, or a radius no longer differ from zero.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
-#[error("the scene cannot be scaled by {} and moved by {}: its numbers overflow or vanish", .0.scale, .0.translation)]
+#[error("the scene cannot be scaled by {:e} and moved by {:e}: its numbers overflow or vanish", .0.scale, .0.translation)]
 pub struct Unplaceable(pub Placement);
 
 impl Scene {

@@ -1,0 +1,15 @@
+//! The numbers that could go wrong: edges, degenerate and extreme geometry, rays that hurt. Every kernel is held
+//! against the oracle, and all of them against each other bit by bit. The cases are numbered; each test says which it
+//! holds.
+
+mod degenerate;
+mod edges;
+mod extremes;
+mod generated;
+mod images;
+mod rays;
+mod reference;
+mod shading;
+mod subjects;
+mod trees;
+mod watertight;
