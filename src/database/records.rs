@@ -163,3 +163,11 @@ pub struct Material {
     pub transmittance: f32,
     pub ior: f32,
 }
+
+impl Material {
+    /// Whether it reflects or transmits.
+    #[inline(always)]
+    pub fn is_branching(&self) -> bool {
+        self.transmittance > 0.0 || self.reflection.iter().any(|&share| share > 0.0)
+    }
+}

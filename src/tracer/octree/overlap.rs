@@ -33,8 +33,8 @@ impl Cell {
 /// A box around a primitive.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    lo: [f64; 3],
-    hi: [f64; 3],
+    pub(in crate::tracer) lo: [f64; 3],
+    pub(in crate::tracer) hi: [f64; 3],
 }
 
 impl Bounds {

@@ -5,23 +5,26 @@
 use glam::{DVec3, Vec3};
 
 use super::lighting::light;
-use super::packet::NONE;
+use super::packet::{LANES, NONE, Packet};
 use super::surfaces::{DOUBLES, Looks, Surfaces};
-use super::{WideOctree, WideTracer};
+use super::walk::walk;
+use super::{Queues, WideOctree, WideTracer};
 use crate::database::Section;
+use crate::database::records::Material;
 use crate::database::verify::Verified;
 use crate::tracer::hit::SurfacePoint;
 use crate::tracer::memory_port::RayKind;
 use crate::tracer::primary::PrimaryRays;
-use crate::tracer::ray::{Ray, Source, entering};
+use crate::tracer::ray::{Ray, Source, entering, moved_off};
 use crate::tracer::shade::refract;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::simd::{Registers, Simd, Task};
+use crate::tracer::vector::{load, normalise};
 use crate::tracer::tile::{AovSet, Pixels, Rect};
 use crate::tracer::{TraceStats, View};
 
 /// Rays that a packet is made of are from a square of so many pixels a side.
-const SQUARE: u32 = 4;
+const SQUARE: usize = 4;
 
 /// Rays of one generation.
 #[derive(Debug, Default)]
@@ -34,6 +37,7 @@ struct Wave {
     /// Share of the pixel that the ray decides, in the strongest channel.
     weight: Vec<f32>,
     radiance: Vec<Vec3>,
+    queues: Queues,
 }
 
 impl Wave {
@@ -42,10 +46,12 @@ impl Wave {
         self.parent.clear();
         self.share.clear();
         self.weight.clear();
+        self.queues.clear();
     }
 
     #[inline(always)]
     fn push(&mut self, ray: Ray, parent: u32, share: Vec3, weight: f32) {
+        self.queues.push(&ray, self.rays.len() as u32);
         self.rays.push(ray);
         self.parent.push(parent);
         self.share.push(share);
@@ -108,7 +114,10 @@ impl<'a> BatchTracer<'a> {
             if self.waves.len() == last + 1 {
                 self.waves.push(Wave::default());
             }
-            self.wave(last, &mut stats);
+            if last > 0 {
+                self.find_hits(last);
+            }
+            self.shade(last, &mut stats);
             if last == 0 {
                 self.first_hits(rect, aov, &mut pixels);
             }
@@ -135,24 +144,15 @@ impl<'a> BatchTracer<'a> {
         (pixels, stats)
     }
 
-    /// Makes the first wave. The pixels as they are where nothing is hit.
+    /// Traces the primary rays; those that hit something are the first wave. The pixels as they are where nothing is hit.
     fn start(&mut self, rect: Rect, aov: AovSet) -> Pixels {
         if self.waves.is_empty() {
             self.waves.push(Wave::default());
         }
-        let wave = &mut self.waves[0];
-        wave.clear();
-        let mut places = Vec::with_capacity(rect.pixel_count());
-        for square_y in (0..rect.height).step_by(SQUARE as usize) {
-            for square_x in (0..rect.width).step_by(SQUARE as usize) {
-                for y in square_y..rect.height.min(square_y + SQUARE) {
-                    for x in square_x..rect.width.min(square_x + SQUARE) {
-                        places.push((x, y));
-                    }
-                }
-            }
-        }
-        self.simd.run(Primaries { camera: &self.camera, rect, places: &places, wave });
+        let Self { tracer, camera, waves, primitives, simd, .. } = self;
+        waves[0].clear();
+        primitives.clear();
+        simd.run(Primaries { tracer, camera, rect, wave: &mut waves[0], primitives });
         let count = rect.pixel_count();
         let planes = |wanted: bool| if wanted { count } else { 0 };
         Pixels {
@@ -163,13 +163,18 @@ impl<'a> BatchTracer<'a> {
         }
     }
 
-    /// Traces a wave, and makes the next one.
-    fn wave(&mut self, number: usize, stats: &mut TraceStats) {
-        let (before, after) = self.waves.split_at_mut(number + 1);
-        let (wave, next) = (&mut before[number], &mut after[0]);
+    /// Finds what the rays of a wave hit.
+    fn find_hits(&mut self, number: usize) {
+        let wave = &self.waves[number];
         self.primitives.clear();
         self.primitives.resize(wave.rays.len(), NONE);
-        self.tracer.nearest_primitives(&wave.rays, &mut self.primitives);
+        self.tracer.nearest_primitives(&wave.rays, &wave.queues, &mut self.primitives);
+    }
+
+    /// Lights what a wave hits, and makes the next one.
+    fn shade(&mut self, number: usize, stats: &mut TraceStats) {
+        let (before, after) = self.waves.split_at_mut(number + 1);
+        let (wave, next) = (&mut before[number], &mut after[0]);
         let surfaces = &mut self.surfaces;
         surfaces.take(&self.primitives, &self.looks);
         self.simd.run(Place { surfaces, rays: &wave.rays, primitives: &self.tracer.primitives, looks: &self.looks });
@@ -183,10 +188,7 @@ impl<'a> BatchTracer<'a> {
         }
         next.clear();
         if number < self.depth as usize {
-            let Self { looks, cutoff, .. } = self;
-            for at in 0..surfaces.count {
-                branch(surfaces, at, wave, looks, *cutoff, next, stats);
-            }
+            self.simd.run(Branch { surfaces, wave, looks: &self.looks, cutoff: self.cutoff, next, stats });
         }
     }
 
@@ -214,52 +216,111 @@ impl<'a> BatchTracer<'a> {
     }
 }
 
+/// Makes the next wave: what surfaces reflect and refract.
+struct Branch<'t, 'a> {
+    surfaces: &'t Surfaces,
+    wave: &'t Wave,
+    looks: &'t Looks<'a>,
+    cutoff: f32,
+    next: &'t mut Wave,
+    stats: &'t mut TraceStats,
+}
+
+impl Task for Branch<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(self) {
+        let Self { surfaces, wave, looks, cutoff, next, stats } = self;
+        let mut reflected = Reflected::default();
+        for first in (0..surfaces.count).step_by(DOUBLES) {
+            let lanes = first..surfaces.count.min(first + DOUBLES);
+            if lanes.clone().any(|at| surfaces.material(looks, at).is_branching()) {
+                reflected.compute::<R::D8>(surfaces, first);
+                for at in lanes {
+                    branch(surfaces, at, &reflected, wave, looks, cutoff, next, stats);
+                }
+            }
+        }
+    }
+}
+
+/// Origins and directions of reflected rays, side by side.
+#[derive(Default)]
+struct Reflected {
+    origin: [[f32; DOUBLES]; 3],
+    direction: [[f32; DOUBLES]; 3],
+}
+
+impl Reflected {
+    #[inline(always)]
+    fn compute<L: Doubles>(&mut self, surfaces: &Surfaces, first: usize) {
+        let direction = normalise(load::<L, _>(&surfaces.mirrored, first));
+        let origin = moved_off(load(&surfaces.position, first), load(&surfaces.outward, first), direction);
+        for axis in 0..3 {
+            origin[axis].narrow(&mut self.origin[axis]);
+            direction[axis].narrow(&mut self.direction[axis]);
+        }
+    }
+
+    #[inline(always)]
+    fn ray(&self, lane: usize, source: Source) -> Ray {
+        Ray {
+            origin: [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]],
+            direction: [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]],
+            t_max: f32::INFINITY,
+            source,
+        }
+    }
+}
+
 /// Adds to the next wave what a surface reflects and refracts.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "one step of a loop")]
 fn branch(
     surfaces: &Surfaces,
     at: usize,
+    reflected: &Reflected,
     wave: &Wave,
     looks: &Looks<'_>,
     cutoff: f32,
     next: &mut Wave,
     stats: &mut TraceStats,
 ) {
-    let material = &looks.materials[surfaces.material[at] as usize];
-    let mut reflection = Vec3::from(material.reflection);
-    if material.transmittance <= 0.0 && reflection.max_element() <= 0.0 {
-        return;
-    }
+    let material = surfaces.material(looks, at);
     let ray = surfaces.ray[at];
-    let point = surfaces.point(at);
+    let mut cast = |kind: RayKind, share: Vec3, leaving: &mut dyn FnMut() -> Ray| {
+        let weight = wave.weight[ray as usize] * share.max_element();
+        if weight > cutoff {
+            stats.rays[kind as usize] += 1;
+            next.push(leaving(), ray, share, weight);
+        }
+    };
+    let mut reflection = Vec3::from(material.reflection);
     let mut refracted = None;
     if material.transmittance > 0.0 {
+        let point = surfaces.point(at);
         let normal = DVec3::new(surfaces.normal[0][at], surfaces.normal[1][at], surfaces.normal[2][at]);
-        refracted = refract(material, point.normal, normal, wave.rays[ray as usize].direction_f64());
-        if refracted.is_none() {
+        let direction = refract(material, point.normal, normal, wave.rays[ray as usize].direction_f64());
+        if direction.is_none() {
             // Total internal reflection: what cannot leave is reflected.
             reflection += material.transmittance;
         }
+        refracted = direction.map(|direction| (point, direction.normalize()));
     }
-    let mirrored = DVec3::new(surfaces.mirrored[0][at], surfaces.mirrored[1][at], surfaces.mirrored[2][at]);
-    let rays = [
-        (RayKind::Reflection, reflection, Some(mirrored)),
-        (RayKind::Refraction, Vec3::splat(material.transmittance), refracted),
-    ];
-    for (kind, share, direction) in rays {
-        let weight = wave.weight[ray as usize] * share.max_element();
-        if let Some(direction) = direction
-            && weight > cutoff
-        {
-            let direction = direction.normalize();
-            let leaving = Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
-            stats.rays[kind as usize] += 1;
-            next.push(leaving, ray, share, weight);
-        }
+    cast(RayKind::Reflection, reflection, &mut || reflected.ray(at % DOUBLES, surfaces.source[at]));
+    if let Some((point, direction)) = refracted {
+        let leaving = || Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
+        cast(RayKind::Refraction, Vec3::splat(material.transmittance), &mut { leaving });
     }
 }
 
 impl Surfaces {
+    #[inline(always)]
+    fn material<'a>(&self, looks: &Looks<'a>, at: usize) -> &'a Material {
+        &looks.materials[self.material[at] as usize]
+    }
+
     fn point(&self, at: usize) -> SurfacePoint {
         SurfacePoint {
             position: DVec3::new(self.position[0][at], self.position[1][at], self.position[2][at]),
@@ -269,45 +330,65 @@ impl Surfaces {
     }
 }
 
-/// Makes the primary rays of the pixels that see into the root.
-struct Primaries<'t> {
+/// Traces the primary rays, a square of pixels at a time, and keeps those that hit something.
+struct Primaries<'t, 'a> {
+    tracer: &'t mut WideTracer<'a>,
     camera: &'t PrimaryRays,
     rect: Rect,
-    places: &'t [(u32, u32)],
     wave: &'t mut Wave,
+    primitives: &'t mut Vec<u32>,
 }
 
-impl Task for Primaries<'_> {
+impl Task for Primaries<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<R: Registers>(self) {
-        let Self { camera, rect, places, wave } = self;
-        let (mut xs, mut ys) = ([0.0f64; DOUBLES], [0.0f64; DOUBLES]);
-        let (mut origins, mut directions) = ([[0.0; DOUBLES]; 3], [[0.0; DOUBLES]; 3]);
-        for places in places.chunks(DOUBLES) {
-            for (lane, &(x, y)) in places.iter().enumerate() {
-                (xs[lane], ys[lane]) = (f64::from(rect.x + x), f64::from(rect.y + y));
-            }
-            let direction = camera.directions(R::D8::load(&xs), R::D8::load(&ys));
-            let (inside, _, enters) = entering(camera.eye.to_array(), direction);
-            for axis in 0..3 {
-                inside[axis].narrow(&mut origins[axis]);
-                direction[axis].narrow(&mut directions[axis]);
-            }
-            for (lane, &(x, y)) in places.iter().enumerate() {
-                if enters >> lane & 1 == 1 {
-                    let ray = Ray {
-                        origin: [origins[0][lane], origins[1][lane], origins[2][lane]],
-                        direction: [directions[0][lane], directions[1][lane], directions[2][lane]],
-                        t_max: f32::INFINITY,
-                        source: Source::Eye,
-                    };
-                    wave.push(ray, y * rect.width + x, Vec3::ONE, 1.0);
+        let Self { tracer, camera, rect, wave, primitives: found } = self;
+        let WideTracer { octree, primitives, packet, scratch, .. } = tracer;
+        packet.t_max = [f32::INFINITY; LANES];
+        (0..LANES).for_each(|lane| packet.leave(lane, Source::Eye));
+        for y in (0..rect.height).step_by(SQUARE) {
+            for x in (0..rect.width).step_by(SQUARE) {
+                let mut left = aim::<R>(camera, rect, x, y, packet);
+                while left != 0 {
+                    let active = packet.start::<R>(left);
+                    walk::<R, false>(octree, primitives, packet, scratch);
+                    left &= !active;
+                    for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
+                        if let Some(primitive) = packet.hit(lane) {
+                            let pixel = (y + lane as u32 / 4) * rect.width + x + lane as u32 % 4;
+                            wave.push(packet.ray(lane), pixel, Vec3::ONE, 1.0);
+                            found.push(primitive);
+                        }
+                    }
                 }
             }
         }
     }
+}
+
+/// Makes the rays of a square's pixels; a bit for each that is in the tile and sees into the root.
+#[inline(always)]
+fn aim<R: Registers>(camera: &PrimaryRays, rect: Rect, x: u32, y: u32, packet: &mut Packet) -> u32 {
+    let (mut xs, mut ys) = ([0.0; LANES], [0.0; LANES]);
+    let mut inside = 0;
+    for lane in 0..LANES {
+        let (x, y) = (x + lane as u32 % 4, y + lane as u32 / 4);
+        (xs[lane], ys[lane]) = (f64::from(rect.x + x), f64::from(rect.y + y));
+        inside |= u32::from(x < rect.width && y < rect.height) << lane;
+    }
+    let mut sees = 0;
+    for half in [0, DOUBLES] {
+        let direction = camera.directions(R::D8::load(&xs[half..]), R::D8::load(&ys[half..]));
+        let (origin, _, enters) = entering(camera.eye.to_array(), direction);
+        sees |= (enters & 0xff) << half;
+        for axis in 0..3 {
+            origin[axis].narrow(&mut packet.origin[axis][half..]);
+            direction[axis].narrow(&mut packet.direction[axis][half..]);
+        }
+    }
+    inside & sees
 }
 
 struct Place<'t, 'a> {

@@ -34,10 +34,8 @@ pub struct WideTracer<'a> {
     simd: Simd,
     packet: Box<Packet>,
     scratch: Scratch,
-    /// By octant.
-    queues: [Vec<u32>; 8],
-    /// Rays that packets are not made for, and what traces them.
-    unusual: Vec<u32>,
+    queues: Queues,
+    /// For rays that packets are not made for.
     hero: Hero,
     port: Slices<'a>,
 }
@@ -50,8 +48,7 @@ impl<'a> WideTracer<'a> {
             simd,
             packet: Box::new(Packet::new()),
             scratch: Scratch::new(),
-            queues: Default::default(),
-            unusual: Vec::new(),
+            queues: Queues::default(),
             hero: Hero::new(&database.database().header, true),
             port: Slices::new(database),
         }
@@ -63,58 +60,73 @@ impl<'a> WideTracer<'a> {
 
     /// The nearest hit of each ray: the minimum of (t, id) over all primitives.
     pub fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let mut queues = std::mem::take(&mut self.queues);
+        queues.sort(rays);
         let mut primitives = vec![packet::NONE; rays.len()];
-        self.nearest_primitives(rays, &mut primitives);
+        self.nearest_primitives(rays, &queues, &mut primitives);
+        self.queues = queues;
         let hit = |(ray, &id): (&Ray, &u32)| if id == packet::NONE { None } else { self.primitives.hit(ray, id) };
         rays.iter().zip(&primitives).map(hit).collect()
     }
 
     /// Whether anything is hit before each ray's `t_max`.
     pub fn occluded(&mut self, rays: &[Ray]) -> Vec<bool> {
+        let mut queues = std::mem::take(&mut self.queues);
+        queues.sort(rays);
         let mut occluded = vec![true; rays.len()];
-        self.mark_lit(rays, &mut occluded);
+        self.simd.run(Occluded { tracer: self, rays, queues: &queues, occluded: &mut occluded });
+        for &index in &queues.unusual {
+            let ray = &rays[index as usize];
+            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut TraceStats::default());
+            occluded[index as usize] = hit;
+        }
+        self.queues = queues;
         occluded
     }
 
     /// The id of the primitive that each ray hits first, [`packet::NONE`] where there is none.
-    pub(super) fn nearest_primitives(&mut self, rays: &[Ray], primitives: &mut [u32]) {
-        self.sort(rays);
-        let simd = self.simd;
-        simd.run(Nearest { tracer: self, rays, primitives });
-        for &index in &self.unusual {
+    fn nearest_primitives(&mut self, rays: &[Ray], queues: &Queues, primitives: &mut [u32]) {
+        self.simd.run(Nearest { tracer: self, rays, queues, primitives });
+        for &index in &queues.unusual {
             let ray = &rays[index as usize];
             let Ok(hit) = self.hero.nearest(&mut self.port, ray, &mut TraceStats::default());
             primitives[index as usize] = hit.map_or(packet::NONE, |hit| hit.primitive.0);
         }
     }
+}
 
-    /// Clears the marks of rays that hit nothing before their `t_max`.
-    pub(super) fn mark_lit(&mut self, rays: &[Ray], occluded: &mut [bool]) {
-        self.sort(rays);
-        let simd = self.simd;
-        simd.run(Occluded { tracer: self, rays, occluded });
-        for &index in &self.unusual {
-            let ray = &rays[index as usize];
-            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut TraceStats::default());
-            occluded[index as usize] = hit;
+/// Indices of rays, sorted into what packets are made of.
+#[derive(Debug, Default)]
+struct Queues {
+    by_octant: [Vec<u32>; 8],
+    /// Rays that packets are not made for.
+    unusual: Vec<u32>,
+}
+
+impl Queues {
+    fn clear(&mut self) {
+        self.by_octant.iter_mut().for_each(Vec::clear);
+        self.unusual.clear();
+    }
+
+    #[inline(always)]
+    fn push(&mut self, ray: &Ray, index: u32) {
+        match Packet::octant(ray) {
+            Some(octant) => self.by_octant[octant].push(index),
+            None => self.unusual.push(index),
         }
     }
 
     fn sort(&mut self, rays: &[Ray]) {
-        self.queues.iter_mut().for_each(Vec::clear);
-        self.unusual.clear();
-        for (index, ray) in rays.iter().enumerate() {
-            match Packet::octant(ray) {
-                Some(octant) => self.queues[octant].push(index as u32),
-                None => self.unusual.push(index as u32),
-            }
-        }
+        self.clear();
+        rays.iter().enumerate().for_each(|(index, ray)| self.push(ray, index as u32));
     }
 }
 
 struct Nearest<'t, 'a, 'r> {
     tracer: &'t mut WideTracer<'a>,
     rays: &'r [Ray],
+    queues: &'r Queues,
     primitives: &'r mut [u32],
 }
 
@@ -123,8 +135,8 @@ impl Task for Nearest<'_, '_, '_> {
 
     #[inline(always)]
     fn run<R: Registers>(self) {
-        let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
-        for queue in queues.iter() {
+        let WideTracer { octree, primitives, packet, scratch, .. } = self.tracer;
+        for queue in &self.queues.by_octant {
             for indices in queue.chunks(LANES) {
                 packet.fill::<R>(self.rays, indices);
                 walk::walk::<R, false>(octree, primitives, packet, scratch);
@@ -139,6 +151,7 @@ impl Task for Nearest<'_, '_, '_> {
 struct Occluded<'t, 'a, 'r> {
     tracer: &'t mut WideTracer<'a>,
     rays: &'r [Ray],
+    queues: &'r Queues,
     occluded: &'r mut [bool],
 }
 
@@ -147,8 +160,8 @@ impl Task for Occluded<'_, '_, '_> {
 
     #[inline(always)]
     fn run<R: Registers>(self) {
-        let WideTracer { octree, primitives, packet, scratch, queues, .. } = self.tracer;
-        for queue in queues.iter() {
+        let WideTracer { octree, primitives, packet, scratch, .. } = self.tracer;
+        for queue in &self.queues.by_octant {
             for indices in queue.chunks(LANES) {
                 packet.fill::<R>(self.rays, indices);
                 walk::walk::<R, true>(octree, primitives, packet, scratch);

@@ -1,8 +1,6 @@
 //! The octree as the fast kernel wants it: branches that know the boxes of what is below their children, leaves
 //! that hold their triangles side by side.
 
-use glam::DVec3;
-
 use crate::database::Section;
 use crate::database::records::Triangle;
 use crate::database::verify::Verified;
@@ -311,8 +309,10 @@ impl<'a> Derivation<'a> {
             }
             None => {
                 let bounds = &self.curved[id as usize - self.triangles.len()];
-                let pad = |at: DVec3, by: f64| (at + by).as_vec3().to_array();
-                Fitted { lo: pad(bounds.lo, -PADDING), hi: pad(bounds.hi, PADDING) }
+                Fitted {
+                    lo: std::array::from_fn(|a| (bounds.lo[a] - PADDING) as f32),
+                    hi: std::array::from_fn(|a| (bounds.hi[a] + PADDING) as f32),
+                }
             }
         }
     }

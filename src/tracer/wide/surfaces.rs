@@ -6,7 +6,7 @@ use crate::tracer::hit::HitOn;
 use crate::tracer::primitives::triangle::TriangleHit;
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::simd::Registers;
-use crate::tracer::simd::lanes::{Doubles, Lanes};
+use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::vector::{V3, cross, dot, load, normalise_or, scale, select, store, sub, weighted};
 
 use super::packet::LANES;
