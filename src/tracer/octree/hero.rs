@@ -268,10 +268,13 @@ impl Hero {
         let ray = prepared.ray;
         let hit = if primitive.0 < self.triangles {
             let triangle = port.triangle(primitive.0)?;
+            // Asked first: a ray that starts on the triangle is what f64 cannot decide.
+            if ray.source == Source::Polygon(triangle.polygon()) {
+                return Ok(());
+            }
             prepared.shear.intersect(&triangle).and_then(|hit| {
                 let on = || HitOn::Triangle { triangle, barycentrics: hit.barycentrics() };
-                let other = ray.source != Source::Polygon(triangle.polygon());
-                other.then(|| nearer(ray, primitive, hit.t, on, best)).flatten()
+                nearer(ray, primitive, hit.t, on, best)
             })
         } else if primitive.0 < self.triangles + self.spheres {
             let sphere = port.sphere(primitive.0 - self.triangles)?;
