@@ -2,6 +2,7 @@
 //! through a [`MemoryPort`].
 
 pub mod hit;
+pub mod lanes;
 pub mod memory_port;
 pub mod octree;
 pub mod primary;

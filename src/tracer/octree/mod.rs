@@ -2,9 +2,11 @@
 
 pub mod build;
 pub mod census;
+mod descent;
 pub mod hero;
 pub mod mailbox;
 pub mod overlap;
+mod prepared;
 
 use crate::database::compile::{CompileError, compile};
 use crate::database::verify::{Corrupt, Verified};
