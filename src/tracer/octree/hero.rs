@@ -1,92 +1,73 @@
 //! HERO: octree traversal without coordinates, front to back.
 //!
 //! M. Agate, R. L. Grimsdale, P. F. Lister, *The HERO algorithm for ray-tracing octrees*, 1991, in the
-//! iterative form: the stack holds one frame a level, a pop replaces the ascent to a common ancestor. The ray
-//! parameter of every plane is computed once per ray and plane, by midpoint subdivision. Octants are mirrored
+//! iterative form: the stack holds the branches that have children left, a pop replaces the ascent to a common
+//! ancestor. The ray parameter of every plane is computed once per ray and plane, by midpoint subdivision. Octants are mirrored
 //! so that every direction is positive: along the ray, children only ever gain bits.
 
+use super::descent::{Branch, Step};
 use super::mailbox::Mailbox;
+use super::prepared::Prepared;
 use crate::database::Header;
 use crate::database::Section;
-use crate::database::records::{OctreeNode, OctreeWord, PrimitiveId};
+use crate::database::records::{OctreeNode, OctreeWord, PrimitiveId, Triangle};
 use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::memory_port::MemoryPort;
-use crate::tracer::primitives::{cone, sphere, triangle::Shear};
+use crate::tracer::primitives::four_triangles::FourTriangles;
+use crate::tracer::primitives::triangle::TriangleHit;
+use crate::tracer::primitives::{cone, sphere};
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::stats::{LEVELS, TraceStats};
 
-/// A branch on the way down.
-#[derive(Clone, Copy, Default)]
-struct Frame {
-    /// Ray parameters of the cell's near planes, mid planes and far planes.
-    near: [f32; 3],
-    mid: [f32; 3],
-    far: [f32; 3],
-    /// Where the ray leaves the cell.
-    leave: f32,
-    /// Where it enters the child to visit next.
-    enter: f32,
-    block: u32,
-    /// The child to visit next, mirrored; [`NO_CHILD`] when none is left.
-    child: u32,
-    /// Centre of the cell: only kept for rays parallel to a plane.
-    centre: [f32; 3],
+/// The nearest hit so far, or the end of the ray.
+struct Best {
+    t: f32,
+    /// Of two hits with the same t the one with the lower id counts; at the ray's end none does.
+    primitive: PrimitiveId,
+    on: On,
 }
 
-const NO_CHILD: u32 = 8;
-
-/// What is computed once a ray.
-struct Prepared<'a> {
-    ray: &'a Ray,
-    shear: Shear,
-    /// Axes along which the ray runs downward, as an octant mask.
-    mirror: u32,
-    /// Axes along which it does not run at all.
-    parallel: u32,
-    near: [f32; 3],
-    far: [f32; 3],
-    enter: f32,
-    leave: f32,
+enum On {
+    Nothing,
+    Triangle(Triangle, TriangleHit),
+    Curved(HitOn),
 }
 
-impl<'a> Prepared<'a> {
-    /// `None` when the ray misses the root or is not finite.
-    fn new(ray: &'a Ray) -> Option<Self> {
-        let (mut mirror, mut parallel) = (0, 0);
-        let (mut near, mut far) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
-        let (mut enter, mut leave) = (0.0f32, ray.t_max);
-        for axis in 0..3 {
-            let (o, d) = (ray.origin[axis], ray.direction[axis]);
-            // Below this, 1/d or its product with a distance would overflow; −0 is one of them.
-            if d.abs() < f32::MIN_POSITIVE {
-                parallel |= 1 << axis;
-                if !(o.abs() <= 1.0) {
-                    return None;
-                }
-                continue;
-            }
-            if !d.is_finite() || o.is_nan() {
-                return None;
-            }
-            let inverse = 1.0 / d;
-            let (lower, upper) = ((-1.0 - o) * inverse, (1.0 - o) * inverse);
-            mirror |= u32::from(d < 0.0) << axis;
-            (near[axis], far[axis]) = if d < 0.0 { (upper, lower) } else { (lower, upper) };
-            enter = if near[axis] > enter { near[axis] } else { enter };
-            leave = if far[axis] < leave { far[axis] } else { leave };
+impl Best {
+    fn new(ray: &Ray) -> Self {
+        Self { t: ray.t_max, primitive: PrimitiveId(0), on: On::Nothing }
+    }
+
+    #[inline(always)]
+    fn is_hit(&self) -> bool {
+        !matches!(self.on, On::Nothing)
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, t: f64, primitive: PrimitiveId, on: impl FnOnce() -> On) {
+        let t = t as f32;
+        if t < self.t || (t == self.t && primitive < self.primitive) {
+            *self = Self { t, primitive, on: on() };
         }
-        // All three parallel: no direction at all. The comparison is false for NaN.
-        if parallel == 0b111 || !(enter <= leave) {
-            return None;
-        }
-        Some(Self { ray, shear: Shear::new(ray), mirror, parallel, near, far, enter, leave })
+    }
+
+    fn into_hit(self) -> Option<Hit> {
+        let on = match self.on {
+            On::Nothing => return None,
+            On::Triangle(triangle, hit) => HitOn::Triangle { triangle, barycentrics: hit.barycentrics() },
+            On::Curved(on) => on,
+        };
+        Some(Hit { t: self.t, primitive: self.primitive, on })
     }
 }
 
 /// Walks the octree of one database; keeps the stack and the mailbox from ray to ray.
 pub struct Hero {
-    stack: Box<[Frame; LEVELS]>,
+    stack: Box<[Branch; LEVELS]>,
     mailbox: Option<Mailbox>,
+    /// Triangles of a leaf that are tested together, and their ids.
+    four: Box<FourTriangles>,
+    ids: [PrimitiveId; 4],
     max_depth: u32,
     triangles: u32,
     spheres: u32,
@@ -99,8 +80,10 @@ impl Hero {
         let count = |section| header.layout.span(section).records as u32;
         let (triangles, spheres) = (count(Section::Triangles), count(Section::Spheres));
         Self {
-            stack: Box::new([Frame::default(); LEVELS]),
+            stack: Box::new([Branch::default(); LEVELS]),
             mailbox: mailbox.then(Mailbox::new),
+            four: Box::default(),
+            ids: [PrimitiveId(0); 4],
             max_depth: header.max_depth.min(LEVELS as u32 - 1),
             triangles,
             spheres,
@@ -118,9 +101,9 @@ impl Hero {
         ray: &Ray,
         stats: &mut TraceStats,
     ) -> Result<Option<Hit>, M::Error> {
-        let mut best = None;
+        let mut best = Best::new(ray);
         self.trace::<M, false>(port, ray, &mut best, stats)?;
-        Ok(best)
+        Ok(best.into_hit())
     }
 
     /// Whether anything is hit before `t_max`.
@@ -133,104 +116,59 @@ impl Hero {
         ray: &Ray,
         stats: &mut TraceStats,
     ) -> Result<bool, M::Error> {
-        let mut best = None;
+        let mut best = Best::new(ray);
         self.trace::<M, true>(port, ray, &mut best, stats)?;
-        Ok(best.is_some())
+        Ok(best.is_hit())
     }
 
     fn trace<M: MemoryPort, const ANY: bool>(
         &mut self,
         port: &mut M,
         ray: &Ray,
-        best: &mut Option<Hit>,
+        best: &mut Best,
         stats: &mut TraceStats,
     ) -> Result<(), M::Error> {
         let Some(prepared) = Prepared::new(ray) else { return Ok(()) };
         if let Some(mailbox) = &mut self.mailbox {
             mailbox.next_ray();
         }
-        if prepared.parallel == 0 {
-            self.walk::<M, ANY, false>(port, &prepared, best, stats)
-        } else {
-            self.walk::<M, ANY, true>(port, &prepared, best, stats)
-        }
-    }
-
-    fn walk<M: MemoryPort, const ANY: bool, const PARALLEL: bool>(
-        &mut self,
-        port: &mut M,
-        prepared: &Prepared<'_>,
-        best: &mut Option<Hit>,
-        stats: &mut TraceStats,
-    ) -> Result<(), M::Error> {
-        let (mut near, mut far) = (prepared.near, prepared.far);
-        let (mut enter, mut leave) = (prepared.enter, prepared.leave);
-        let mut centre = [0.0; 3];
-        let mut level = 0u32;
-        let mut word_index = 0;
+        let mut step = Step::root(prepared.near, prepared.far, prepared.enter, prepared.leave);
+        // The branches below this have children left.
+        let mut depth = 0usize;
         loop {
-            stats.octree_accesses[level as usize] += 1;
-            let word: OctreeWord = port.octree_node(word_index, level)?;
+            stats.octree_accesses[step.level as usize] += 1;
+            let word: OctreeWord = port.octree_node(step.word, step.level)?;
             match word.decode() {
                 Some(OctreeNode::Branch(block)) => {
-                    if level == self.max_depth {
+                    if step.level == self.max_depth {
                         return Err(port.corrupt("an octree deeper than its header says"));
                     }
-                    let mid = middle::<PARALLEL>(prepared, near, far, centre);
-                    let child = (0..3).fold(0, |child, a| child | u32::from(mid[a] <= enter) << a);
-                    self.stack[level as usize] = Frame { near, mid, far, leave, enter, block, child, centre };
-                    level += 1;
+                    let mid = prepared.middle(step.near, step.far, step.level);
+                    let (branch, first) = Branch::enter(step, mid, block << 3 ^ prepared.mirror);
+                    self.stack[depth] = branch;
+                    depth += usize::from(!first.is_last);
+                    step = first;
+                    continue;
                 }
+                Some(OctreeNode::EmptyLeaf) => {}
                 Some(OctreeNode::Leaf(first)) => {
-                    self.test_leaf::<M, ANY>(port, prepared, first, best, stats)?;
-                    if let Some(hit) = best
-                        && (ANY || hit.t <= leave)
-                    {
+                    self.test_leaf::<M, ANY>(port, &prepared, first, best, stats)?;
+                    if best.t <= step.leave || (ANY && best.is_hit()) {
                         return Ok(());
                     }
                 }
-                Some(OctreeNode::EmptyLeaf) => {}
                 None => return Err(port.corrupt("an octree node of an unknown kind")),
             }
-            // On to the next child of the deepest branch that has one.
-            let frame = loop {
-                if level == 0 {
-                    return Ok(());
-                }
-                let frame = &mut self.stack[level as usize - 1];
-                if frame.child != NO_CHILD {
-                    break frame;
-                }
-                level -= 1;
-            };
-            enter = frame.enter;
-            // Everything from here on lies beyond. Exact: the leaf that a hit's own t falls into lists it.
-            if let Some(hit) = best
-                && hit.t < enter
-            {
+            if depth == 0 {
                 return Ok(());
             }
-            let child = frame.child;
-            let mut crossed = NO_CHILD;
-            leave = frame.leave;
-            for axis in 0..3 {
-                let upper = child >> axis & 1 == 1;
-                near[axis] = if upper { frame.mid[axis] } else { frame.near[axis] };
-                far[axis] = if upper { frame.far[axis] } else { frame.mid[axis] };
-                if !upper && frame.mid[axis] < leave {
-                    leave = frame.mid[axis];
-                    crossed = child | 1 << axis;
-                }
+            let branch = &mut self.stack[depth - 1];
+            // Everything from here on lies beyond. Exact: the leaf that a hit's own t falls into lists it.
+            if best.t < branch.enter {
+                return Ok(());
             }
-            frame.enter = leave;
-            frame.child = crossed;
-            let octant = child ^ prepared.mirror;
-            if PARALLEL {
-                (near, far) = keep_parallel(prepared, frame, near, far);
-                let half = 1.0 / (1u32 << level) as f32;
-                centre = std::array::from_fn(|a| frame.centre[a] + if octant >> a & 1 == 1 { half } else { -half });
-            }
-            word_index = frame.block * 8 + octant;
+            step = branch.step();
+            depth -= usize::from(step.is_last);
         }
     }
 
@@ -240,91 +178,83 @@ impl Hero {
         port: &mut M,
         prepared: &Prepared<'_>,
         first: u32,
-        best: &mut Option<Hit>,
+        best: &mut Best,
         stats: &mut TraceStats,
     ) -> Result<(), M::Error> {
         let mut index = first;
         loop {
-            let entry = port.leaf_entry(index)?;
-            let primitive = entry.primitive();
-            if self.mailbox.as_mut().is_some_and(|m| m.seen(primitive)) {
-                stats.mailbox_skips += 1;
-            } else {
-                stats.primitive_tests += 1;
-                self.test(port, prepared, primitive, best)?;
+            let mut count = 0;
+            let last = loop {
+                let entry = port.leaf_entry(index)?;
+                let primitive = entry.primitive();
+                index += 1;
+                if self.mailbox.as_mut().is_some_and(|m| m.seen(primitive)) {
+                    stats.mailbox_skips += 1;
+                } else {
+                    stats.primitive_tests += 1;
+                    if primitive.0 < self.triangles {
+                        self.four.put(count, &port.triangle(primitive.0)?);
+                        self.ids[count & 3] = primitive;
+                        count += 1;
+                    } else {
+                        self.test_curved(port, prepared.ray, primitive, best)?;
+                        if ANY && best.is_hit() {
+                            return Ok(());
+                        }
+                    }
+                }
+                if entry.is_last() || count == 4 {
+                    break entry.is_last();
+                }
+            };
+            let mut candidates = prepared.shear.candidates(&self.four) & ((1 << count) - 1);
+            while candidates != 0 {
+                let lane = candidates.trailing_zeros() as usize;
+                candidates &= candidates - 1;
+                self.test_triangle(prepared, lane, best);
             }
-            if entry.is_last() || (ANY && best.is_some()) {
+            if last || (ANY && best.is_hit()) {
                 return Ok(());
             }
-            index += 1;
         }
     }
 
     #[inline(always)]
-    fn test<M: MemoryPort>(
+    fn test_triangle(&self, prepared: &Prepared<'_>, lane: usize, best: &mut Best) {
+        let triangle = self.four.get(lane);
+        // Asked first: a ray that starts on the triangle is what f64 cannot decide.
+        if prepared.ray.source == Source::Polygon(triangle.polygon()) {
+            return;
+        }
+        if let Some(hit) = prepared.shear.decide(&triangle) {
+            best.offer(hit.t, self.ids[lane & 3], || On::Triangle(triangle, hit));
+        }
+    }
+
+    #[inline(never)]
+    fn test_curved<M: MemoryPort>(
         &self,
         port: &mut M,
-        prepared: &Prepared<'_>,
+        ray: &Ray,
         primitive: PrimitiveId,
-        best: &mut Option<Hit>,
+        best: &mut Best,
     ) -> Result<(), M::Error> {
-        let ray = prepared.ray;
-        let hit = if primitive.0 < self.triangles {
-            let triangle = port.triangle(primitive.0)?;
-            prepared.shear.intersect(&triangle).and_then(|hit| {
-                let on = || HitOn::Triangle { triangle, barycentrics: hit.barycentrics() };
-                let other = ray.source != Source::Polygon(triangle.polygon());
-                other.then(|| nearer(ray, primitive, hit.t, on, best)).flatten()
-            })
-        } else if primitive.0 < self.triangles + self.spheres {
+        let leaving = ray.source == Source::Curved(primitive.0);
+        if primitive.0 < self.triangles + self.spheres {
             let sphere = port.sphere(primitive.0 - self.triangles)?;
-            sphere::intersect(ray, &sphere, ray.source == Source::Curved(primitive.0))
-                .and_then(|t| nearer(ray, primitive, t, || HitOn::Sphere { sphere, t }, best))
+            if let Some(t) = sphere::intersect(ray, &sphere, leaving) {
+                best.offer(t, primitive, || On::Curved(HitOn::Sphere { sphere, t }));
+            }
         } else if primitive.0 < self.primitives {
             let cone = port.cone(primitive.0 - self.triangles - self.spheres)?;
-            cone::intersect(ray, &cone, ray.source == Source::Curved(primitive.0))
-                .and_then(|t| nearer(ray, primitive, t, || HitOn::Cone { cone, t }, best))
+            if let Some(t) = cone::intersect(ray, &cone, leaving) {
+                best.offer(t, primitive, || On::Curved(HitOn::Cone { cone, t }));
+            }
         } else {
             return Err(port.corrupt("a primitive in a leaf that does not exist"));
-        };
-        if hit.is_some() {
-            *best = hit;
         }
         Ok(())
     }
-}
-
-/// The hit, if it is in the ray's range and nearer than the best so far.
-#[inline(always)]
-fn nearer(ray: &Ray, primitive: PrimitiveId, t: f64, on: impl FnOnce() -> HitOn, best: &Option<Hit>) -> Option<Hit> {
-    let t = t as f32;
-    (t < ray.t_max && Hit::is_nearer(t, primitive, best.as_ref())).then(|| Hit { t, primitive, on: on() })
-}
-
-/// Ray parameters of the mid planes. Where the ray is parallel to a plane it stays on one side for ever: in the
-/// upper half if it lies in the plane itself, which is safe since building lists what is there on both sides.
-#[inline(always)]
-fn middle<const PARALLEL: bool>(prepared: &Prepared<'_>, near: [f32; 3], far: [f32; 3], centre: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|a| {
-        if PARALLEL && prepared.parallel >> a & 1 == 1 {
-            if prepared.ray.origin[a] < centre[a] { f32::INFINITY } else { f32::NEG_INFINITY }
-        } else {
-            0.5 * near[a] + 0.5 * far[a]
-        }
-    })
-}
-
-/// A parallel ray's planes stay at infinity, whichever half it is in.
-fn keep_parallel(
-    prepared: &Prepared<'_>,
-    frame: &Frame,
-    mut near: [f32; 3],
-    mut far: [f32; 3],
-) -> ([f32; 3], [f32; 3]) {
-    for a in (0..3).filter(|a| prepared.parallel >> a & 1 == 1) {
-        (near[a], far[a]) = (frame.near[a], frame.far[a]);
-    }
-    (near, far)
 }
 
 #[cfg(test)]
@@ -334,10 +264,10 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::*;
-    use crate::database::records::Triangle;
     use crate::database::verify::Verified;
     use crate::scene::{Cone, Material, Polygon, Scene, Sphere};
     use crate::tracer::octree::{BuildParameters, build_database};
+    use crate::tracer::primitives::triangle::Shear;
     use crate::tracer::slices::Slices;
 
     fn unit(random: &mut Pcg32) -> f64 {
@@ -412,7 +342,7 @@ mod tests {
         let shear = Shear::new(ray);
         let ts = triangles
             .iter()
-            .map(|t| shear.intersect(t).map(|hit| hit.t))
+            .map(|t| shear.decide(t).map(|hit| hit.t))
             .chain(spheres.iter().map(|s| sphere::intersect(ray, s, false)))
             .chain(cones.iter().map(|c| cone::intersect(ray, c, false)));
         ts.enumerate()

@@ -2,10 +2,12 @@
 
 pub mod build;
 pub mod census;
+mod descent;
 pub mod hero;
 pub mod mailbox;
 mod octants;
 pub mod overlap;
+mod prepared;
 
 use crate::database::compile::{CompileError, Records, compile};
 use crate::database::verify::{Corrupt, Verified};

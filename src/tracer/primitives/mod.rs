@@ -3,5 +3,6 @@
 
 pub mod cone;
 pub mod exact;
+pub mod four_triangles;
 pub mod sphere;
 pub mod triangle;

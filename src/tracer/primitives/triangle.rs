@@ -6,7 +6,9 @@
 //! told by a bound in f32 before.
 
 use super::exact::{ExactSum, add_side, volume};
+use super::four_triangles::FourTriangles;
 use crate::database::records::Triangle;
+use crate::tracer::simd::four::F32x4;
 use crate::tracer::ray::Ray;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::vector::V3;
@@ -15,13 +17,23 @@ use crate::tracer::vector::V3;
 #[derive(Clone, Copy, Debug)]
 pub struct Shear {
     /// The two smaller axes, the largest one last.
-    axes: [usize; 3],
-    origin: [f64; 3],
-    shear: [f64; 3],
-    origin_f32: [f32; 3],
-    shear_f32: [f32; 2],
-    direction_f32: [f32; 3],
+    axes: [Axis; 3],
+    origin: [f32; 3],
+    direction: [f32; 3],
+    /// Of the two smaller axes, rounded; what decides is [`ExactShear`].
+    shear: [f32; 2],
 }
+
+/// An index that needs no check.
+#[derive(Clone, Copy, Debug)]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+/// By the largest axis.
+const AXES: [[Axis; 3]; 3] = [[Axis::Y, Axis::Z, Axis::X], [Axis::Z, Axis::X, Axis::Y], [Axis::X, Axis::Y, Axis::Z]];
 
 /// Where a triangle is hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +51,7 @@ impl TriangleHit {
     }
 
     /// [`Self::barycentrics`] of rays and the triangles that they hit, side by side, and for which of them f64
-    /// decides so: the others are left to [`Shear::intersect`]. Corners are by axis, then vertex.
+    /// decides so: the others are left to [`Shear::decide`]. Corners are by axis, then vertex.
     #[inline(always)]
     pub fn weigh<L: Doubles>(corners: [[L; 3]; 3], origin: V3<L>, direction: V3<L>) -> ([L; 3], u32) {
         let [x, y, z] = direction;
@@ -117,38 +129,25 @@ impl Shear {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let d = ray.direction;
-        let larger = |a: usize, b: usize| if d[b].abs() > d[a].abs() { b } else { a };
-        let z = larger(larger(0, 1), 2);
-        let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
-        let along = f64::from(d[z]);
-        let shear = [f64::from(d[x]) / along, f64::from(d[y]) / along, 1.0 / along];
-        let origin = [ray.origin[x], ray.origin[y], ray.origin[z]];
-        Self {
-            axes: [x, y, z],
-            origin: [f64::from(origin[0]), f64::from(origin[1]), f64::from(origin[2])],
-            shear,
-            origin_f32: origin,
-            shear_f32: [shear[0] as f32, shear[1] as f32],
-            direction_f32: [d[x], d[y], d[z]],
-        }
+        let (ax, ay, az) = (d[0].abs(), d[1].abs(), d[2].abs());
+        let axes = AXES[if az > maximum(ay, ax) { 2 } else { usize::from(ay > ax) }];
+        let [x, y, z] = axes;
+        let of = |vector: [f32; 3]| [vector[x as usize], vector[y as usize], vector[z as usize]];
+        let (origin, direction) = (of(ray.origin), of(d));
+        Self { axes, origin, direction, shear: [direction[0] / direction[2], direction[1] / direction[2]] }
     }
 
-    /// The hit with `t` at or after the ray's origin. A triangle without area is never hit; a ray through an
-    /// edge or a vertex hits all triangles that share it.
-    #[inline(always)]
-    pub fn intersect(&self, triangle: &Triangle) -> Option<TriangleHit> {
-        if self.surely_misses(triangle) { None } else { self.decide(triangle) }
-    }
-
-    /// True only if [`Self::decide`] would find two edge functions of opposite sign.
+    /// Bit i: [`Self::decide`] would not surely find two edge functions of opposite sign for triangle i.
     ///
     /// Each product of an edge function is off by the error of one factor times the other, and by its own
     /// rounding, which is smaller: the sum of all magnitudes, doubled, bounds that for all three.
     #[inline(always)]
-    fn surely_misses(&self, triangle: &Triangle) -> bool {
+    pub fn candidates(&self, four: &FourTriangles) -> u32 {
+        let coordinates = four.coordinates();
         let [x, y, z] = self.axes;
-        let [px, py, pz] = [triangle.coordinates[x], triangle.coordinates[y], triangle.coordinates[z]];
-        let ([ox, oy, oz], [sx, sy]) = (self.origin_f32, self.shear_f32);
+        let (px, py, pz) = (&coordinates[x as usize], &coordinates[y as usize], &coordinates[z as usize]);
+        let [ox, oy, oz] = self.origin.map(F32x4::splat);
+        let [sx, sy] = self.shear.map(F32x4::splat);
         let vertex = |v: usize| {
             let along = pz[v] - oz;
             [px[v] - ox - sx * along, py[v] - oy - sy * along]
@@ -158,14 +157,19 @@ impl Shear {
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
         let magnitude = (a[0].abs() + a[1].abs()) + (b[0].abs() + b[1].abs()) + (c[0].abs() + c[1].abs());
-        let error = 2.0 * Self::COORDINATE_ERROR * (magnitude + 8.0 * Self::COORDINATE_ERROR);
-        let (least, most) = (minimum(u, minimum(v, w)), maximum(u, maximum(v, w)));
-        least < -error && most > error
+        let slack = F32x4::splat(8.0 * Self::COORDINATE_ERROR);
+        let error = F32x4::splat(2.0 * Self::COORDINATE_ERROR) * (magnitude + slack);
+        let (least, most) = (u.min(v.min(w)), u.max(v.max(w)));
+        let surely_missed = (least + error).less(F32x4::splat(0.0)).and(error.less(most));
+        !surely_missed.signs() & 0b1111
     }
 
+    /// The hit with `t` at or after the ray's origin. A triangle without area is never hit; a ray through an
+    /// edge or a vertex hits all triangles that share it.
     #[inline(never)]
-    fn decide(&self, triangle: &Triangle) -> Option<TriangleHit> {
-        let (a, b, c) = (self.vertex(triangle, 0), self.vertex(triangle, 1), self.vertex(triangle, 2));
+    pub fn decide(&self, triangle: &Triangle) -> Option<TriangleHit> {
+        let exact = ExactShear::new(self);
+        let (a, b, c) = (exact.vertex(triangle, 0), exact.vertex(triangle, 1), exact.vertex(triangle, 2));
         let u = c[0] * b[1] - c[1] * b[0];
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
@@ -185,7 +189,7 @@ impl Shear {
         if !((least > error || most < -error) && along.abs() > Self::PRECISION * along_error) {
             return self.decide_exactly(triangle);
         }
-        let t = along * self.shear[2] / determinant;
+        let t = along * exact.shear[2] / determinant;
         (t >= 0.0).then_some(TriangleHit { t, edge_functions: [u, v, w] })
     }
 
@@ -200,9 +204,9 @@ impl Shear {
     #[cold]
     #[inline(never)]
     fn decide_exactly(&self, triangle: &Triangle) -> Option<TriangleHit> {
-        let [x, y, z] = self.axes.map(|axis| triangle.coordinates[axis]);
+        let [x, y, z] = self.axes.map(|axis| triangle.coordinates[axis as usize]);
         let [a, b, c] = [0, 1, 2].map(|v| [x[v], y[v], z[v]]);
-        let (origin, direction) = (self.origin_f32, self.direction_f32);
+        let (origin, direction) = (self.origin, self.direction);
         let mut all = ExactSum::default();
         let edge_functions = [(b, c), (c, a), (a, b)].map(|(from, to)| {
             let mut sum = ExactSum::default();
@@ -219,26 +223,33 @@ impl Shear {
         let t = volume(origin, [a, b, c]) / determinant;
         (determinant != 0.0 && t >= 0.0).then_some(TriangleHit { t, edge_functions })
     }
+}
+
+/// The shear in f64.
+struct ExactShear {
+    axes: [Axis; 3],
+    origin: [f64; 3],
+    shear: [f64; 3],
+}
+
+impl ExactShear {
+    #[inline(always)]
+    fn new(shear: &Shear) -> Self {
+        let [x, y, along] = shear.direction.map(f64::from);
+        Self { axes: shear.axes, origin: shear.origin.map(f64::from), shear: [x / along, y / along, 1.0 / along] }
+    }
 
     /// A vertex relative to the origin, sheared; the third component is its unscaled distance.
     #[inline(always)]
     fn vertex(&self, triangle: &Triangle, v: usize) -> [f64; 3] {
         let [x, y, z] = self.axes;
-        let along = f64::from(triangle.coordinates[z][v]) - self.origin[2];
-        [
-            f64::from(triangle.coordinates[x][v]) - self.origin[0] - self.shear[0] * along,
-            f64::from(triangle.coordinates[y][v]) - self.origin[1] - self.shear[1] * along,
-            along,
-        ]
+        let of = |axis: Axis| f64::from(triangle.coordinates[axis as usize][v]);
+        let (x, y, along) = (of(x), of(y), of(z) - self.origin[2]);
+        [x - self.origin[0] - self.shear[0] * along, y - self.origin[1] - self.shear[1] * along, along]
     }
 }
 
-/// One instruction each, unlike `f32::min`, which minds NaN.
-#[inline(always)]
-fn minimum(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
+/// One instruction, unlike `f32::max`, which minds NaN.
 #[inline(always)]
 fn maximum(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -275,9 +286,12 @@ mod tests {
             let triangle = Triangle::new([a, b, c].map(|v| v.to_array()), 0, 0);
             let shear = Shear::new(&ray);
             let hit = shear.decide(&triangle).is_some();
-            assert!(!(hit && shear.surely_misses(&triangle)), "{ray:?} {triangle:?}");
+            let mut four = FourTriangles::default();
+            four.put(i % 4, &triangle);
+            let surely_misses = shear.candidates(&four) >> (i % 4) & 1 == 0;
+            assert!(!(hit && surely_misses), "{ray:?} {triangle:?}");
             accepted += usize::from(hit);
-            spared += usize::from(shear.surely_misses(&triangle));
+            spared += usize::from(surely_misses);
         }
         assert!(accepted > 50_000 && spared > 5_000, "{accepted} accepted, {spared} spared");
     }

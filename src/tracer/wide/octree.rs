@@ -10,9 +10,7 @@ use crate::tracer::octree::overlap::{Bounds, PADDING};
 pub const BLOCK: usize = 16;
 
 /// A cell that holds no more primitives than this is a leaf.
-static LEAF_: std::sync::OnceLock<usize> = std::sync::OnceLock::new();
-pub fn tune(n: &str, d: usize) -> usize { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) }
-#[allow(non_snake_case)] fn LEAF() -> usize { *LEAF_.get_or_init(|| tune("LEAF", 32)) }
+const LEAF: usize = 32;
 
 /// Boxes are wider by this, so that a ray which runs within a face of one is inside of it.
 const MARGIN: f32 = 1.0 / (1 << 23) as f32;
@@ -319,7 +317,7 @@ impl<'a> Derivation<'a> {
 
     /// Makes what holds `items[from..to]`, which are of one cell of this level.
     fn cell(&mut self, from: usize, to: usize, level: u32) -> Made {
-        if to - from <= LEAF() || level == LEVELS {
+        if to - from <= LEAF || level == LEVELS {
             return Made::Leaf(self.leaf(from, to));
         }
         let shift = 3 * (LEVELS - 1 - level);

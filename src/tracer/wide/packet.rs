@@ -2,6 +2,9 @@
 
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::simd::lanes::{Lanes, Singles};
+use crate::tracer::vector::{load, splat};
+
+use super::triangles::Rays;
 use crate::tracer::simd::Registers;
 
 /// Rays of a packet.
@@ -133,6 +136,23 @@ impl Packet {
             (around.least_inverse[axis], around.most_inverse[axis]) = (inverse.least(), inverse.most());
         }
         active
+    }
+
+    /// All rays.
+    #[inline(always)]
+    pub(super) fn rays<L: Singles>(&self) -> Rays<L> {
+        Rays { origin: load(&self.origin, 0), direction: load(&self.direction, 0) }
+    }
+
+    /// A lane's ray, many times.
+    #[inline(always)]
+    pub(super) fn one_ray<L: Singles>(&self, lane: usize) -> Rays<L> {
+        let (o, d) = (&self.origin, &self.direction);
+        let lane = lane & (LANES - 1);
+        Rays {
+            origin: splat([o[0][lane], o[1][lane], o[2][lane]]),
+            direction: splat([d[0][lane], d[1][lane], d[2][lane]]),
+        }
     }
 
     /// A lane's ray.

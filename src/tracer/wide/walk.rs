@@ -7,6 +7,7 @@ use super::scene::Primitives;
 use super::triangles::{Rays, Rows, Triangles, vertex};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Lanes, Singles};
+use crate::tracer::vector::{dot, scale, splat, sub};
 
 /// Ray parameters of planes are off by 3·2⁻²⁴ of themselves; this is more than twice as much, for either side.
 const SLACK: f32 = 1.0 + 16.0 / (1 << 24) as f32;
@@ -40,8 +41,6 @@ pub struct Scratch {
     stack_of_one: Box<[WaitingOne; STACK]>,
     rows: Rows,
     pub counts: Counts,
-    few: u32,
-    pre: u32,
 }
 
 /// What walks did.
@@ -67,8 +66,6 @@ impl Scratch {
             stack_of_one: Box::new([WaitingOne { enter: 0.0, child: Child::EMPTY }; STACK]),
             rows: Rows::ZERO,
             counts: Counts::default(),
-            few: super::octree::tune("FEW", 2) as u32,
-            pre: super::octree::tune("PRE", 1) as u32,
         }
     }
 }
@@ -125,7 +122,7 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
             let far = R::F16::load(&packet.far).mul(R::F16::splat(SLACK));
             next.mask & R::F16::load(&next.enter).le(far)
         };
-        if mask.count_ones() <= scratch.few {
+        if mask.count_ones() <= FEW {
             let mut rest = mask;
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
@@ -139,7 +136,10 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
                 test_block::<R, ANY>(&block, primitives, packet, mask, scratch);
             }
             for &id in curved {
-                primitives.test_curved::<ANY>(packet, mask, id);
+                let mask = near_sphere::<R::F16>(primitives, id, &packet.rays(), R::F16::load(&packet.far), mask);
+                if mask != 0 {
+                    primitives.test_curved::<ANY>(packet, mask, id);
+                }
             }
         } else {
             scratch.counts.packet_branches += 1;
@@ -157,7 +157,7 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
                     enter.store(&mut entry.enter);
                     (entry.child, entry.mask) = (branch.children[octant], met & mask);
                     waiting += 1;
-                    if scratch.pre & 1 == 1 { octree.prefetch(branch.children[octant]); }
+                    octree.prefetch(branch.children[octant]);
                 }
             }
         }
@@ -255,6 +255,23 @@ fn near_any<R: Registers>(block: &Block<'_>, packet: &Packet) -> u32 {
     enter.le(leave.mul(R::F16::splat(SLACK)))
 }
 
+/// The rays of `mask` that a sphere is not surely missed by; all, if it is a cone.
+///
+/// In f32, with a slack of four times what a distance from the ray is off by: the origin's from the centre is at most
+/// 2√3, seven roundings of 2⁻²⁴ of it, and the direction is of unit length but for two.
+#[inline(always)]
+fn near_sphere<L: Singles>(primitives: &Primitives<'_>, id: u32, rays: &Rays<L>, far: L, mask: u32) -> u32 {
+    const SLACK: f32 = 1.0 / (1 << 16) as f32;
+    let Some(sphere) = primitives.spheres.get(id as usize - primitives.triangles.len()) else { return mask };
+    let to_centre = sub(splat(sphere.centre), rays.origin);
+    let along = dot(to_centre, rays.direction);
+    let beside = sub(to_centre, scale(rays.direction, along));
+    let reach = L::splat(sphere.radius.abs() + SLACK);
+    let behind = along.add(reach).lt(L::splat(0.0));
+    let beyond = far.lt(along.sub(reach));
+    mask & dot(beside, beside).le(reach.mul(reach)) & !(behind | beyond)
+}
+
 /// One triangle against the rays of `mask`.
 #[inline(always)]
 fn test_one<R: Registers, const ANY: bool>(
@@ -266,14 +283,7 @@ fn test_one<R: Registers, const ANY: bool>(
     scratch: &mut Scratch,
 ) {
     let triangle = Triangles::<R::F16>::one_of(&scratch.rows, at);
-    let rays = Rays {
-        origin: [R::F16::load(&packet.origin[0]), R::F16::load(&packet.origin[1]), R::F16::load(&packet.origin[2])],
-        direction: [
-            R::F16::load(&packet.direction[0]),
-            R::F16::load(&packet.direction[1]),
-            R::F16::load(&packet.direction[2]),
-        ],
-    };
+    let rays = packet.rays();
     let mask = if ANY { mask & packet.active } else { mask };
     let far = R::F16::load(&packet.far);
     let Some(tested) = triangle.test(&rays, mask, far) else { return };
@@ -320,18 +330,7 @@ fn test_lane<L: Singles, const ANY: bool>(
     lane: usize,
     scratch: &mut Scratch,
 ) {
-    let rays = Rays {
-        origin: [
-            L::splat(packet.origin[0][lane]),
-            L::splat(packet.origin[1][lane]),
-            L::splat(packet.origin[2][lane]),
-        ],
-        direction: [
-            L::splat(packet.direction[0][lane]),
-            L::splat(packet.direction[1][lane]),
-            L::splat(packet.direction[2][lane]),
-        ],
-    };
+    let rays = packet.one_ray(lane);
     let far = L::splat(packet.far[lane]);
     let Some(tested) = triangles.test(&rays, which, far) else { return };
     let leaving = L::load(block.polygons()).differ(L::splat(packet.polygon[lane]));
@@ -405,7 +404,9 @@ fn walk_one<R: Registers, const ANY: bool>(
                 }
             }
             for &id in curved {
-                primitives.test_curved::<ANY>(packet, 1 << lane, id);
+                if near_sphere::<f32>(primitives, id, &packet.one_ray(lane), packet.far[lane], 1) != 0 {
+                    primitives.test_curved::<ANY>(packet, 1 << lane, id);
+                }
             }
             if ANY && packet.active >> lane & 1 == 0 {
                 return;
@@ -429,7 +430,6 @@ fn walk_one<R: Registers, const ANY: bool>(
                 let octant = (last as usize ^ packet.mirror) & 7;
                 scratch.stack_of_one[waiting] = WaitingOne { enter: enters[octant], child: branch.children[octant] };
                 waiting += 1;
-                if scratch.pre & 2 == 2 { octree.prefetch(branch.children[octant]); }
             }
         }
         // The next one that is not beyond what was hit since.
