@@ -83,7 +83,6 @@ pub fn render(
                 elapsed: Some(start.elapsed()),
             });
         }
-        if let Tracer::Packets(t) = &tracer { eprintln!("COUNTS {:?} {:?} {}", t.counts(), stats.rays, match settings.kernel { Kernel::Packets(o, _) => format!("{} {}", o.bytes(), o.census()), _ => String::new() }); }
         (stats, thread_cpu().saturating_sub(cpu_at_start))
     };
     let (mut stats, mut cpu) = (TraceStats::default(), Duration::ZERO);

@@ -37,7 +37,12 @@ impl Ray {
     /// A ray from a point of a surface, moved off to the side that `direction` leaves to.
     pub fn leaving(point: DVec3, normal: DVec3, direction: DVec3, t_max: f32, source: Source) -> Self {
         let origin = moved_off(point.to_array(), normal.to_array(), direction.to_array());
-        Self { origin: DVec3::from(origin).as_vec3().to_array(), direction: direction.as_vec3().to_array(), t_max, source }
+        Self {
+            origin: DVec3::from(origin).as_vec3().to_array(),
+            direction: direction.as_vec3().to_array(),
+            t_max,
+            source,
+        }
     }
 
     /// A ray from anywhere, in f64: moved to where it enters the root, so that `t` cannot outgrow the

@@ -167,7 +167,11 @@ impl Shader {
 /// Phong's highlight, for the cosine between the mirrored view and the light.
 fn highlight(material: &Material, cosine: f32) -> Vec3 {
     let strength = Vec3::from(material.highlight);
-    if cosine > 0.0 && strength != Vec3::ZERO { strength * power(f64::from(cosine), f64::from(material.shine)) as f32 } else { Vec3::ZERO }
+    if cosine > 0.0 && strength != Vec3::ZERO {
+        strength * power(f64::from(cosine), f64::from(material.shine)) as f32
+    } else {
+        Vec3::ZERO
+    }
 }
 
 /// Turned to the side that the ray comes from.

@@ -1,8 +1,8 @@
 //! What is computed once a ray.
 
-use crate::tracer::simd::four::F32x4;
 use crate::tracer::primitives::triangle::Shear;
 use crate::tracer::ray::Ray;
+use crate::tracer::simd::four::F32x4;
 use crate::tracer::stats::MAX_DEPTH;
 
 pub(super) struct Prepared<'a> {

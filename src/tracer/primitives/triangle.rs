@@ -8,8 +8,8 @@
 use super::exact::{ExactSum, add_side, volume};
 use super::four_triangles::FourTriangles;
 use crate::database::records::Triangle;
-use crate::tracer::simd::four::F32x4;
 use crate::tracer::ray::Ray;
+use crate::tracer::simd::four::F32x4;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::vector::V3;
 
@@ -66,18 +66,14 @@ impl TriangleHit {
         let (mut a, mut b, mut c) = ([ox; 3], [ox; 3], [ox; 3]);
         for (vertex, to) in [(0, &mut a), (1, &mut b), (2, &mut c)] {
             let along = pz[vertex].sub(oz);
-            *to = [
-                px[vertex].sub(ox).sub(shear[0].mul(along)),
-                py[vertex].sub(oy).sub(shear[1].mul(along)),
-                along,
-            ];
+            *to = [px[vertex].sub(ox).sub(shear[0].mul(along)), py[vertex].sub(oy).sub(shear[1].mul(along)), along];
         }
         let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
         let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
         let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
         let magnitude = a[0].abs().add(a[1].abs()).add(b[0].abs().add(b[1].abs())).add(c[0].abs().add(c[1].abs()));
-        let error = L::splat(2.0 * Shear::COORDINATE_ERROR_F64)
-            .mul(magnitude.add(L::splat(8.0 * Shear::COORDINATE_ERROR_F64)));
+        let error =
+            L::splat(2.0 * Shear::COORDINATE_ERROR_F64).mul(magnitude.add(L::splat(8.0 * Shear::COORDINATE_ERROR_F64)));
         let (least, most) = (u.min(v).min(w), u.max(v).max(w));
         let determinant = u.add(v).add(w);
         let along = u.mul(a[2]).add(v.mul(b[2])).add(w.mul(c[2]));
@@ -97,11 +93,7 @@ impl TriangleHit {
 /// The axes in the order of [`Shear`], where the second is the largest and where the third.
 #[inline(always)]
 fn turn<L: Lanes>([x, y, z]: V3<L>, second: u32, third: u32) -> V3<L> {
-    [
-        z.select(second, x.select(third, y)),
-        x.select(second, y.select(third, z)),
-        y.select(second, z.select(third, x)),
-    ]
+    [z.select(second, x.select(third, y)), x.select(second, y.select(third, z)), y.select(second, z.select(third, x))]
 }
 
 #[inline(always)]

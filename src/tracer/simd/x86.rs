@@ -14,7 +14,7 @@ macro_rules! registers {
      lt |$la:ident, $lb:ident| $lt:expr, le |$ea:ident, $eb:ident| $le:expr,
      select |$bits:ident, $a:ident, $b:ident| $select:expr) => {
         #[derive(Clone, Copy)]
-        pub struct $name($register);
+        pub(super) struct $name($register);
 
         impl Lanes for $name {
             type Number = $number;
@@ -105,46 +105,46 @@ macro_rules! registers {
 }
 
 registers!(F32x4(__m128) of f32 x 4:
-    _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_sub_ps, _mm_mul_ps, _mm_div_ps, _mm_sqrt_ps,
-    _mm_min_ps, _mm_max_ps, _mm_and_ps, _mm_andnot_ps, _mm_xor_ps,
-    lt |a, b| _mm_movemask_ps(_mm_cmplt_ps(a, b)), le |a, b| _mm_movemask_ps(_mm_cmple_ps(a, b)),
-    select |bits, a, b| {
-        let each = _mm_setr_epi32(1, 2, 4, 8);
-        let mask = _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
-        _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b))
-    });
+_mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_sub_ps, _mm_mul_ps, _mm_div_ps, _mm_sqrt_ps,
+_mm_min_ps, _mm_max_ps, _mm_and_ps, _mm_andnot_ps, _mm_xor_ps,
+lt |a, b| _mm_movemask_ps(_mm_cmplt_ps(a, b)), le |a, b| _mm_movemask_ps(_mm_cmple_ps(a, b)),
+select |bits, a, b| {
+    let each = _mm_setr_epi32(1, 2, 4, 8);
+    let mask = _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
+    _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b))
+});
 
 registers!(F64x2(__m128d) of f64 x 2:
-    _mm_set1_pd, _mm_loadu_pd, _mm_storeu_pd, _mm_add_pd, _mm_sub_pd, _mm_mul_pd, _mm_div_pd, _mm_sqrt_pd,
-    _mm_min_pd, _mm_max_pd, _mm_and_pd, _mm_andnot_pd, _mm_xor_pd,
-    lt |a, b| _mm_movemask_pd(_mm_cmplt_pd(a, b)), le |a, b| _mm_movemask_pd(_mm_cmple_pd(a, b)),
-    select |bits, a, b| {
-        let each = _mm_setr_epi32(1, 1, 2, 2);
-        let mask = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
-        _mm_or_pd(_mm_and_pd(mask, a), _mm_andnot_pd(mask, b))
-    });
+_mm_set1_pd, _mm_loadu_pd, _mm_storeu_pd, _mm_add_pd, _mm_sub_pd, _mm_mul_pd, _mm_div_pd, _mm_sqrt_pd,
+_mm_min_pd, _mm_max_pd, _mm_and_pd, _mm_andnot_pd, _mm_xor_pd,
+lt |a, b| _mm_movemask_pd(_mm_cmplt_pd(a, b)), le |a, b| _mm_movemask_pd(_mm_cmple_pd(a, b)),
+select |bits, a, b| {
+    let each = _mm_setr_epi32(1, 1, 2, 2);
+    let mask = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32(bits as i32), each), each));
+    _mm_or_pd(_mm_and_pd(mask, a), _mm_andnot_pd(mask, b))
+});
 
 registers!(F32x8(__m256) of f32 x 8:
-    _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
-    _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_xor_ps,
-    lt |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)),
-    le |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)),
-    select |bits, a, b| {
-        let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-        let mask = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), each), each);
-        _mm256_blendv_ps(b, a, _mm256_castsi256_ps(mask))
-    });
+_mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
+_mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps, _mm256_and_ps, _mm256_andnot_ps, _mm256_xor_ps,
+lt |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)),
+le |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)),
+select |bits, a, b| {
+    let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    let mask = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), each), each);
+    _mm256_blendv_ps(b, a, _mm256_castsi256_ps(mask))
+});
 
 registers!(F64x4(__m256d) of f64 x 4:
-    _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
-    _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd, _mm256_and_pd, _mm256_andnot_pd, _mm256_xor_pd,
-    lt |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)),
-    le |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)),
-    select |bits, a, b| {
-        let each = _mm256_setr_epi64x(1, 2, 4, 8);
-        let mask = _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(i64::from(bits)), each), each);
-        _mm256_blendv_pd(b, a, _mm256_castsi256_pd(mask))
-    });
+_mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
+_mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd, _mm256_and_pd, _mm256_andnot_pd, _mm256_xor_pd,
+lt |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)),
+le |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)),
+select |bits, a, b| {
+    let each = _mm256_setr_epi64x(1, 2, 4, 8);
+    let mask = _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(i64::from(bits)), each), each);
+    _mm256_blendv_pd(b, a, _mm256_castsi256_pd(mask))
+});
 
 registers!(F32x16(__m512) of f32 x 16:
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,

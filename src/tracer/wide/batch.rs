@@ -19,8 +19,8 @@ use crate::tracer::ray::{Ray, Source, entering, moved_off};
 use crate::tracer::shade::refract;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::simd::{Registers, Simd, Task};
-use crate::tracer::vector::{load, normalise};
 use crate::tracer::tile::{AovSet, Pixels, Rect};
+use crate::tracer::vector::{load, normalise};
 use crate::tracer::{TraceStats, View};
 
 /// Rays that a packet is made of are from a square of so many pixels a side.
@@ -30,32 +30,41 @@ const SQUARE: usize = 4;
 #[derive(Debug, Default)]
 struct Wave {
     rays: Vec<Ray>,
-    /// By ray, what it adds to: of the first wave a pixel of the tile, else a ray of the wave before.
-    parent: Vec<u32>,
-    /// Share of the parent's radiance, by channel.
-    share: Vec<Vec3>,
-    /// Share of the pixel that the ray decides, in the strongest channel.
-    weight: Vec<f32>,
+    /// By ray.
+    origins: Vec<Origin>,
     radiance: Vec<Vec3>,
     queues: Queues,
+}
+
+/// What a ray adds to.
+#[derive(Clone, Copy, Debug)]
+struct Origin {
+    /// Of the first wave a pixel of the tile, else a ray of the wave before.
+    parent: u32,
+    /// Share of the pixel that the ray decides, in the strongest channel.
+    weight: f32,
+    /// Share of the parent's radiance, by channel.
+    share: Vec3,
 }
 
 impl Wave {
     fn clear(&mut self) {
         self.rays.clear();
-        self.parent.clear();
-        self.share.clear();
-        self.weight.clear();
+        self.origins.clear();
         self.queues.clear();
     }
 
+    /// Makes room, so that [`Self::push`] need not.
+    fn reserve(&mut self, rays: usize) {
+        self.rays.reserve(rays);
+        self.origins.reserve(rays);
+    }
+
     #[inline(always)]
-    fn push(&mut self, ray: Ray, parent: u32, share: Vec3, weight: f32) {
+    fn push(&mut self, ray: Ray, origin: Origin) {
         self.queues.push(&ray, self.rays.len() as u32);
         self.rays.push(ray);
-        self.parent.push(parent);
-        self.share.push(share);
-        self.weight.push(weight);
+        self.origins.push(origin);
     }
 }
 
@@ -127,13 +136,13 @@ impl<'a> BatchTracer<'a> {
         for wave in (1..last).rev() {
             let (before, after) = self.waves.split_at_mut(wave);
             let (parents, children) = (&mut before[wave - 1], &after[0]);
-            for ((&parent, &share), &radiance) in children.parent.iter().zip(&children.share).zip(&children.radiance) {
-                parents.radiance[parent as usize] += share * radiance;
+            for (origin, &radiance) in children.origins.iter().zip(&children.radiance) {
+                parents.radiance[origin.parent as usize] += origin.share * radiance;
             }
         }
         let first = &self.waves[0];
-        for (&pixel, &radiance) in first.parent.iter().zip(&first.radiance) {
-            pixels.colour[pixel as usize] = radiance.to_array();
+        for (origin, &radiance) in first.origins.iter().zip(&first.radiance) {
+            pixels.colour[origin.parent as usize] = radiance.to_array();
         }
         for colour in &mut pixels.colour {
             if !Vec3::from(*colour).is_finite() {
@@ -199,7 +208,7 @@ impl<'a> BatchTracer<'a> {
         }
         let surfaces = &self.surfaces;
         for at in 0..surfaces.count {
-            let pixel = self.waves[0].parent[surfaces.ray[at] as usize];
+            let pixel = self.waves[0].origins[surfaces.ray[at] as usize].parent;
             let direction = self.camera.direction(rect.x + pixel % rect.width, rect.y + pixel / rect.width);
             let pixel = pixel as usize;
             let point = surfaces.point(at);
@@ -233,6 +242,7 @@ impl Task for Branch<'_, '_> {
     fn run<R: Registers>(self) {
         let Self { surfaces, wave, looks, cutoff, next, stats } = self;
         let mut reflected = Reflected::default();
+        next.reserve(2 * surfaces.count);
         for first in (0..surfaces.count).step_by(DOUBLES) {
             let lanes = first..surfaces.count.min(first + DOUBLES);
             if lanes.clone().any(|at| surfaces.material(looks, at).is_branching()) {
@@ -288,30 +298,34 @@ fn branch(
     stats: &mut TraceStats,
 ) {
     let material = surfaces.material(looks, at);
-    let ray = surfaces.ray[at];
-    let mut cast = |kind: RayKind, share: Vec3, leaving: &mut dyn FnMut() -> Ray| {
-        let weight = wave.weight[ray as usize] * share.max_element();
-        if weight > cutoff {
-            stats.rays[kind as usize] += 1;
-            next.push(leaving(), ray, share, weight);
-        }
-    };
+    let parent = surfaces.ray[at];
+    let weight = wave.origins[parent as usize].weight;
     let mut reflection = Vec3::from(material.reflection);
     let mut refracted = None;
     if material.transmittance > 0.0 {
         let point = surfaces.point(at);
         let normal = DVec3::new(surfaces.normal[0][at], surfaces.normal[1][at], surfaces.normal[2][at]);
-        let direction = refract(material, point.normal, normal, wave.rays[ray as usize].direction_f64());
+        let direction = refract(material, point.normal, normal, wave.rays[parent as usize].direction_f64());
         if direction.is_none() {
             // Total internal reflection: what cannot leave is reflected.
             reflection += material.transmittance;
         }
-        refracted = direction.map(|direction| (point, direction.normalize()));
+        refracted = direction.map(|direction| {
+            Ray::leaving(point.position, point.normal, direction.normalize(), f32::INFINITY, point.source)
+        });
     }
-    cast(RayKind::Reflection, reflection, &mut || reflected.ray(at % DOUBLES, surfaces.source[at]));
-    if let Some((point, direction)) = refracted {
-        let leaving = || Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
-        cast(RayKind::Refraction, Vec3::splat(material.transmittance), &mut { leaving });
+    let origin = |share: Vec3| Origin { parent, weight: weight * share.max_element(), share };
+    let reflection = origin(reflection);
+    if reflection.weight > cutoff {
+        stats.rays[RayKind::Reflection as usize] += 1;
+        next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), reflection);
+    }
+    let refraction = origin(Vec3::splat(material.transmittance));
+    if let Some(ray) = refracted
+        && refraction.weight > cutoff
+    {
+        stats.rays[RayKind::Refraction as usize] += 1;
+        next.push(ray, refraction);
     }
 }
 
@@ -358,7 +372,7 @@ impl Task for Primaries<'_, '_> {
                     for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
                         if let Some(primitive) = packet.hit(lane) {
                             let pixel = (y + lane as u32 / 4) * rect.width + x + lane as u32 % 4;
-                            wave.push(packet.ray(lane), pixel, Vec3::ONE, 1.0);
+                            wave.push(packet.ray(lane), Origin { parent: pixel, weight: 1.0, share: Vec3::ONE });
                             found.push(primitive);
                         }
                     }
@@ -394,7 +408,7 @@ fn aim<R: Registers>(camera: &PrimaryRays, rect: Rect, x: u32, y: u32, packet: &
 struct Place<'t, 'a> {
     surfaces: &'t mut Surfaces,
     rays: &'t [Ray],
-    primitives: &'t super::scene::Primitives<'a>,
+    primitives: &'t super::primitives::Primitives<'a>,
     looks: &'t Looks<'a>,
 }
 

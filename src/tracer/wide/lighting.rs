@@ -2,10 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
+use super::WideOctree;
 use super::packet::{LANES, Packet};
+use super::primitives::Primitives;
 use super::surfaces::{DOUBLES, Surfaces};
 use super::walk::{Scratch, walk};
-use super::{WideOctree, scene::Primitives};
 use crate::tracer::power::power;
 use crate::tracer::ray::moved_off;
 use crate::tracer::simd::Registers;

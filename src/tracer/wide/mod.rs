@@ -2,11 +2,11 @@
 //! batches of rays traced through it. Its hits are those of the single-ray kernel, bit by bit: lanes tell what is
 //! sure, the single-ray kernel's own functions decide the rest.
 
-pub mod batch;
+mod batch;
 mod lighting;
-pub mod octree;
-pub mod packet;
-pub mod scene;
+mod octree;
+mod packet;
+mod primitives;
 mod surfaces;
 mod triangles;
 mod walk;
@@ -16,7 +16,7 @@ pub use octree::WideOctree;
 pub use walk::Counts;
 
 use packet::{LANES, Packet};
-use scene::Primitives;
+use primitives::Primitives;
 use walk::Scratch;
 
 use super::hit::Hit;

@@ -7,30 +7,27 @@ use crate::database::verify::Verified;
 use crate::tracer::octree::overlap::{Bounds, PADDING};
 
 /// Triangles in a block; a leaf with more has several.
-pub const BLOCK: usize = 16;
-
-/// A cell that holds no more primitives than this is a leaf.
-const LEAF: usize = 32;
+pub(super) const BLOCK: usize = 16;
 
 /// Boxes are wider by this, so that a ray which runs within a face of one is inside of it.
 const MARGIN: f32 = 1.0 / (1 << 23) as f32;
 
 /// A child of a branch: a branch, a leaf or nothing.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Child(u32);
+pub(super) struct Child(u32);
 
 impl Child {
     const LEAF: u32 = 1 << 31;
-    pub const EMPTY: Self = Self(u32::MAX);
+    pub(super) const EMPTY: Self = Self(u32::MAX);
 
     #[inline(always)]
-    pub fn is_leaf(self) -> bool {
+    pub(super) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
     /// Of a branch its number, of a leaf the index of its first word.
     #[inline(always)]
-    pub fn index(self) -> usize {
+    pub(super) fn index(self) -> usize {
         (self.0 & !Self::LEAF) as usize
     }
 }
@@ -38,7 +35,7 @@ impl Child {
 /// A branch, 224 bytes.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub struct Branch {
+pub(super) struct Branch {
     /// Lower x, y, z, then upper x, y, z, by octant. An empty child's are the wrong way round.
     pub planes: [[f32; 8]; 6],
     pub children: [Child; 8],
@@ -46,7 +43,7 @@ pub struct Branch {
 
 /// A leaf's triangles, up to [`BLOCK`], side by side.
 #[derive(Clone, Copy)]
-pub struct Block<'a> {
+pub(super) struct Block<'a> {
     /// Nine coordinates by axis and vertex, then ids, then polygons: `count` words each, and some beyond.
     pub words: &'a [u32],
     pub count: usize,
@@ -119,6 +116,7 @@ impl Entries {
 }
 
 /// What a cell came to.
+#[expect(clippy::large_enum_variant, reason = "one of a level at a time")]
 enum Made {
     Leaf(Entry),
     /// Not placed yet: the branch above may take its children for its own.
@@ -170,26 +168,13 @@ impl WideOctree {
         Child(first as u32 | Child::LEAF)
     }
 
-    pub fn census(&self) -> String {
-        let fill: usize = self.branches.iter().map(|b| b.children.iter().filter(|c| **c != Child::EMPTY).count()).sum();
-        let leaves: Vec<_> = self.branches.iter().flat_map(|b| b.children.iter().filter(|c| **c != Child::EMPTY && c.is_leaf())).collect();
-        let tris: usize = leaves.iter().map(|c| self.leaves[c.index()] as usize).sum();
-        format!("branches {} fill {:.2} leaves {} tris/leaf {:.2} refs {}", self.branches.len(), fill as f64 / self.branches.len() as f64, leaves.len(), tris as f64 / leaves.len() as f64, tris)
-    }
-
+    /// Has the processor load what a child's visit begins with.
     #[inline(always)]
     pub(super) fn prefetch(&self, child: Child) {
-        #[cfg(target_arch = "x86_64")]
-        unsafe {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let (p, n): (*const i8, usize) = if child.is_leaf() {
-                (self.leaves.as_ptr().wrapping_add(child.index()).cast(), 6)
-            } else {
-                (self.branches.as_ptr().wrapping_add(child.index()).cast(), 4)
-            };
-            for i in 0..n {
-                _mm_prefetch::<_MM_HINT_T0>(p.wrapping_add(64 * i));
-            }
+        if child.is_leaf() {
+            prefetch_lines::<6, _>(&self.leaves, child.index());
+        } else {
+            prefetch_lines::<4, _>(&self.branches, child.index());
         }
     }
 
@@ -238,22 +223,22 @@ impl<'a> Iterator for Blocks<'a> {
 impl Block<'_> {
     /// A row of coordinates; what is beyond `count` means nothing.
     #[inline(always)]
-    pub fn coordinates(&self, axis: usize, vertex: usize) -> &[f32] {
+    pub(super) fn coordinates(&self, axis: usize, vertex: usize) -> &[f32] {
         bytemuck::cast_slice(&self.words[(3 * axis + vertex) * self.count..])
     }
 
     #[inline(always)]
-    pub fn id(&self, at: usize) -> u32 {
+    pub(super) fn id(&self, at: usize) -> u32 {
         self.words[9 * self.count + at]
     }
 
     #[inline(always)]
-    pub fn polygon(&self, at: usize) -> u32 {
+    pub(super) fn polygon(&self, at: usize) -> u32 {
         self.words[10 * self.count + at]
     }
 
     #[inline(always)]
-    pub fn polygons(&self) -> &[f32] {
+    pub(super) fn polygons(&self) -> &[f32] {
         bytemuck::cast_slice(&self.words[10 * self.count..])
     }
 }
@@ -317,8 +302,19 @@ impl<'a> Derivation<'a> {
 
     /// Makes what holds `items[from..to]`, which are of one cell of this level.
     fn cell(&mut self, from: usize, to: usize, level: u32) -> Made {
-        if to - from <= LEAF || level == LEVELS {
+        let count = to - from;
+        if count <= BLOCK || level == LEVELS {
             return Made::Leaf(self.leaf(from, to));
+        }
+        // What fits into the blocks of one branch is dealt out in order: full blocks are worth more than cells.
+        if count <= 8 * BLOCK {
+            let blocks = count.div_ceil(BLOCK);
+            let mut entries = Entries::NONE;
+            for block in 0..blocks {
+                let entry = self.leaf(from + count * block / blocks, from + count * (block + 1) / blocks);
+                entries.push(entry);
+            }
+            return Made::Branch(entries);
         }
         let shift = 3 * (LEVELS - 1 - level);
         let octant = |item: &Item| (item.code >> shift & 7) as usize;
@@ -426,4 +422,18 @@ fn code(centre: [f32; 3]) -> u64 {
         (bits | bits << 2) & 0x1249_2492_4924_9249
     };
     spread(centre[0]) | spread(centre[1]) << 1 | spread(centre[2]) << 2
+}
+
+/// Asks for so many cache lines from an element on.
+#[inline(always)]
+fn prefetch_lines<const LINES: usize, T>(all: &[T], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    for line in 0..LINES {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let place = all.as_ptr().wrapping_add(index).cast::<i8>().wrapping_add(64 * line);
+        // SAFETY: a hint, which never faults; the instruction is SSE's, which every such processor has.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(place) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (all, index);
 }

@@ -8,10 +8,10 @@ use super::triangles::Rays;
 use crate::tracer::simd::Registers;
 
 /// Rays of a packet.
-pub const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
 /// A lane without a hit.
-pub const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Largest reciprocal of a direction's component: a ray parallel to a plane gets this one, so that nothing is
 /// infinite. Within the root such a ray strays by 2⁻⁹⁸.
@@ -19,7 +19,7 @@ const INVERSE_MAX: f32 = (1u128 << 100) as f32;
 
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Packet {
+pub(super) struct Packet {
     pub origin: [[f32; LANES]; 3],
     pub direction: [[f32; LANES]; 3],
     pub inverse: [[f32; LANES]; 3],
@@ -43,7 +43,7 @@ pub struct Packet {
 
 /// What all rays of a packet lie within, by axis; "near" and "far" as the rays see a box's planes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Around {
+pub(super) struct Around {
     pub near_origin: [f32; 3],
     pub far_origin: [f32; 3],
     pub least_inverse: [f32; 3],
@@ -51,7 +51,7 @@ pub struct Around {
 }
 
 impl Packet {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             origin: [[0.0; LANES]; 3],
             direction: [[0.0; LANES]; 3],
@@ -72,21 +72,17 @@ impl Packet {
     /// The octant a ray runs into; `None` for one that packets are not made for: not of unit length, not from within
     /// the root, without a range, or not finite.
     #[inline(always)]
-    pub fn octant(ray: &Ray) -> Option<usize> {
+    pub(super) fn octant(ray: &Ray) -> Option<usize> {
         let ([x, y, z], [ox, oy, oz]) = (ray.direction, ray.origin);
         let square = x * x + y * y + z * z;
-        let usual = square > 0.99
-            && square < 1.01
-            && ox.abs() <= 1.0
-            && oy.abs() <= 1.0
-            && oz.abs() <= 1.0
-            && ray.t_max > 0.0;
+        let usual =
+            square > 0.99 && square < 1.01 && ox.abs() <= 1.0 && oy.abs() <= 1.0 && oz.abs() <= 1.0 && ray.t_max > 0.0;
         usual.then_some(usize::from(x < 0.0) | usize::from(y < 0.0) << 1 | usize::from(z < 0.0) << 2)
     }
 
     /// Takes up to [`LANES`] rays, at least one, all of one octant, and makes ready for a walk.
     #[inline(always)]
-    pub fn fill<R: Registers>(&mut self, rays: &[Ray], indices: &[u32]) {
+    pub(super) fn fill<R: Registers>(&mut self, rays: &[Ray], indices: &[u32]) {
         for (lane, &index) in indices.iter().enumerate() {
             let ray = &rays[index as usize];
             for axis in 0..3 {
@@ -101,7 +97,7 @@ impl Packet {
 
     /// What a lane's ray leaves from.
     #[inline(always)]
-    pub fn leave(&mut self, lane: usize, source: Source) {
+    pub(super) fn leave(&mut self, lane: usize, source: Source) {
         self.source[lane] = source;
         self.polygon[lane] = f32::from_bits(if let Source::Polygon(polygon) = source { polygon } else { u32::MAX });
     }
@@ -109,7 +105,7 @@ impl Packet {
     /// Makes ready for a walk with those of `lanes`, at least one, that run into the octant of the first: they are
     /// active then. Origins, directions, ranges and sources are there.
     #[inline(always)]
-    pub fn start<R: Registers>(&mut self, lanes: u32) -> u32 {
+    pub(super) fn start<R: Registers>(&mut self, lanes: u32) -> u32 {
         let first = lanes.trailing_zeros() as usize & (LANES - 1);
         let (mut active, mut mirror) = (lanes, 0);
         for axis in 0..3 {
@@ -156,7 +152,7 @@ impl Packet {
     }
 
     /// A lane's ray.
-    pub fn ray(&self, lane: usize) -> Ray {
+    pub(super) fn ray(&self, lane: usize) -> Ray {
         Ray {
             origin: [0, 1, 2].map(|axis| self.origin[axis][lane]),
             direction: [0, 1, 2].map(|axis| self.direction[axis][lane]),
@@ -167,13 +163,13 @@ impl Packet {
 
     /// The nearest hit's primitive.
     #[inline(always)]
-    pub fn hit(&self, lane: usize) -> Option<u32> {
+    pub(super) fn hit(&self, lane: usize) -> Option<u32> {
         let primitive = self.primitive[lane].to_bits();
         (primitive != NONE).then_some(primitive)
     }
 
     #[inline(always)]
-    pub fn set_hit(&mut self, lane: usize, primitive: u32, least: f32, most: f32, exact: bool) {
+    pub(super) fn set_hit(&mut self, lane: usize, primitive: u32, least: f32, most: f32, exact: bool) {
         self.primitive[lane] = f32::from_bits(primitive);
         (self.least[lane], self.far[lane]) = (least, most);
         self.exact = self.exact & !(1 << lane) | u32::from(exact) << lane;

@@ -10,7 +10,7 @@ use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::vector::{V3, cross, dot, load, normalise_or, scale, select, store, sub, weighted};
 
 use super::packet::LANES;
-use super::scene::Primitives;
+use super::primitives::Primitives;
 
 /// Lanes of doubles.
 pub(super) const DOUBLES: usize = 8;
@@ -183,7 +183,8 @@ impl Chunk {
     /// Positions and normals of hits on triangles; the lanes that f64 decides.
     #[inline(always)]
     fn place<L: Doubles>(&self, surfaces: &mut Surfaces, first: usize) -> u32 {
-        let (x, y, z) = (corners::<L>(&self.corners[0]), corners::<L>(&self.corners[1]), corners::<L>(&self.corners[2]));
+        let (x, y, z) =
+            (corners::<L>(&self.corners[0]), corners::<L>(&self.corners[1]), corners::<L>(&self.corners[2]));
         let (origin, direction) = (widen::<L>(&self.origin), widen::<L>(&self.direction));
         let (weights, decided) = TriangleHit::weigh([x, y, z], origin, direction);
         let vertices = [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]];
@@ -214,14 +215,14 @@ impl Chunk {
 
 /// Turned to the side that the ray comes from.
 #[inline(always)]
-pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
+pub(super) fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
     let away = L::splat(0.0).lt(dot(incoming, normal));
     let minus = L::splat(-1.0);
     select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
 }
 
 #[inline(always)]
-pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
+pub(super) fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
     sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
 }
 

@@ -3,7 +3,7 @@
 
 use super::octree::{Block, Branch, Child, WideOctree};
 use super::packet::{LANES, Packet};
-use super::scene::Primitives;
+use super::primitives::Primitives;
 use super::triangles::{Rays, Rows, Triangles, vertex};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Lanes, Singles};
@@ -36,7 +36,7 @@ struct WaitingOne {
 }
 
 /// What a walk needs besides the packet; kept from packet to packet.
-pub struct Scratch {
+pub(super) struct Scratch {
     stack: Box<[Waiting; STACK]>,
     stack_of_one: Box<[WaitingOne; STACK]>,
     rows: Rows,
@@ -59,7 +59,7 @@ pub struct Counts {
 }
 
 impl Scratch {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         let nothing = Waiting { enter: [0.0; LANES], child: Child::EMPTY, mask: 0 };
         Self {
             stack: Box::new([nothing; STACK]),
@@ -184,12 +184,7 @@ fn met_by_any<R: Registers>(branch: &Branch, packet: &Packet, sides: &[(usize, u
 
 /// Where each ray of the packet enters a child, and which do.
 #[inline(always)]
-fn meet<R: Registers>(
-    branch: &Branch,
-    octant: usize,
-    packet: &Packet,
-    sides: &[(usize, usize); 3],
-) -> (R::F16, u32) {
+fn meet<R: Registers>(branch: &Branch, octant: usize, packet: &Packet, sides: &[(usize, usize); 3]) -> (R::F16, u32) {
     let octant = octant & 7;
     let (mut enter, mut leave) = (R::F16::splat(0.0), R::F16::load(&packet.far));
     for axis in 0..3 {

@@ -11,14 +11,14 @@ use crate::tracer::ray::{Ray, Source};
 
 /// Slices of a verified database.
 #[derive(Clone, Copy, Debug)]
-pub struct Primitives<'a> {
+pub(super) struct Primitives<'a> {
     pub triangles: &'a [Triangle],
     pub spheres: &'a [Sphere],
     pub cones: &'a [Cone],
 }
 
 impl<'a> Primitives<'a> {
-    pub fn new(database: &'a Verified) -> Self {
+    pub(super) fn new(database: &'a Verified) -> Self {
         let database = database.database();
         Self {
             triangles: database.records(Section::Triangles),
@@ -28,7 +28,7 @@ impl<'a> Primitives<'a> {
     }
 
     /// The hit of one primitive; whatever its distance.
-    pub fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
+    pub(super) fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
         let (primitive, index) = (PrimitiveId(id), id as usize);
         let leaving = ray.source == Source::Curved(id);
         if let Some(triangle) = self.triangles.get(index) {
