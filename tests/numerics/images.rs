@@ -2,15 +2,18 @@
 //! ray passes an edge by rounding only.
 
 use glam::DVec3;
-use marti::render::{Settings, render};
+use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Light, Material, Placement, Polygon, Scene, Sphere};
 use marti::tracer::octree::{BuildParameters, build_database};
+use marti::tracer::simd::Simd;
 use marti::tracer::view::ImageSettings;
+use marti::tracer::wide::WideOctree;
 use marti::tracer::{AovSet, Pixels, View};
 
 pub(crate) const SIDE: u32 = 128;
 
-/// Renders with four bounces, and counts the pixels whose radiance is not finite.
+/// Renders with four bounces by every kernel, which have to agree bit by bit, and counts the pixels whose radiance is
+/// not finite.
 pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
     let database = build_database(scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
     let view = View {
@@ -19,9 +22,18 @@ pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
         background: scene.background,
         image: ImageSettings { width: SIDE, height: SIDE, depth: 4, cutoff: 0.001 },
     };
-    let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, mailbox: true };
-    let rendering = render(&database, &view, settings, |_| {}).expect("a small image");
-    (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels)
+    let octree = WideOctree::derive(&database);
+    let kernels = Simd::available().map(|simd| Kernel::Packets(&octree, simd));
+    let mut images = kernels.chain([Kernel::Single { mailbox: true }]).map(|kernel| {
+        let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
+        let rendering = render(&database, &view, settings, |_| {}).expect("a small image");
+        (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels)
+    });
+    let first = images.next().expect("scalar code is always there");
+    for image in images {
+        assert_eq!(image, first);
+    }
+    first
 }
 
 pub(crate) fn placed(scene: &Scene, scale: f64, translation: f64) -> Scene {

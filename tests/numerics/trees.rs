@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use marti::database::verify::Verified;
-use marti::render::{Settings, render};
+use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Scene, Sphere};
 use marti::tracer::hit::Hit;
 use marti::tracer::octree::{BuildParameters, build_database, hero::Hero};
@@ -34,7 +34,8 @@ fn a_hit_outside_of_the_leaf_does_not_hide_a_nearer_one() {
 }
 
 fn colours(database: &Verified, view: &View, mailbox: bool) -> Vec<u32> {
-    let rendering = render(database, view, Settings { threads: 1, aov: AovSet::default(), mailbox }, |_| {});
+    let settings = Settings { threads: 1, aov: AovSet::default(), kernel: Kernel::Single { mailbox } };
+    let rendering = render(database, view, settings, |_| {});
     let frame = rendering.expect("a small image").frame;
     frame.pixels().colour.iter().flatten().map(|c| c.to_bits()).collect()
 }

@@ -69,14 +69,14 @@ impl Packet {
         }
     }
 
-    /// The octant a ray runs into; `None` for one that packets are not made for: not of unit length, not from within
-    /// the root, without a range, or not finite.
+    /// The octant a ray runs into; `None` for one that packets are not made for: its direction longer than 1 or shorter
+    /// than some 0.4, not from within the root, without a range, or not finite.
     #[inline(always)]
     pub(super) fn octant(ray: &Ray) -> Option<usize> {
         let ([x, y, z], [ox, oy, oz]) = (ray.direction, ray.origin);
         let square = x * x + y * y + z * z;
         let usual =
-            square > 0.99 && square < 1.01 && ox.abs() <= 1.0 && oy.abs() <= 1.0 && oz.abs() <= 1.0 && ray.t_max > 0.0;
+            square > 0.2 && square < 1.01 && ox.abs() <= 1.0 && oy.abs() <= 1.0 && oz.abs() <= 1.0 && ray.t_max > 0.0;
         usual.then_some(usize::from(x < 0.0) | usize::from(y < 0.0) << 1 | usize::from(z < 0.0) << 2)
     }
 

@@ -5,7 +5,7 @@
 //! [`Shear`](crate::tracer::primitives::triangle::Shear). Either side may be the one that is many: a triangle of 16
 //! rays, a ray of 16 triangles.
 //!
-//! With u = 2⁻²⁴, coordinates within ±1 and directions of unit length: an edge function is off by at most
+//! With u = 2⁻²⁴, coordinates within ±1 and directions no longer than 1 (by 2⁻⁶ at most): an edge function is off by at most
 //! 27·u·s + 9·u·l, where s is the sum of the lengths (in the 1-norm) of the two edges and l ≤ s²/4 their product; the
 //! distance, times the determinant, by 20·u·l; the determinant by 7·u·l. What is computed from them adds 4·u·l.
 

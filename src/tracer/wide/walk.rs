@@ -253,17 +253,20 @@ fn near_any<R: Registers>(block: &Block<'_>, packet: &Packet) -> u32 {
 /// The rays of `mask` that a sphere is not surely missed by; all, if it is a cone.
 ///
 /// In f32, with a slack of four times what a distance from the ray is off by: the origin's from the centre is at most
-/// 2√3, seven roundings of 2⁻²⁴ of it, and the direction is of unit length but for two.
+/// 2√3, and there are seven roundings of 2⁻²⁴ of it.
 #[inline(always)]
 fn near_sphere<L: Singles>(primitives: &Primitives<'_>, id: u32, rays: &Rays<L>, far: L, mask: u32) -> u32 {
     const SLACK: f32 = 1.0 / (1 << 16) as f32;
     let Some(sphere) = primitives.spheres.get(id as usize - primitives.triangles.len()) else { return mask };
     let to_centre = sub(splat(sphere.centre), rays.origin);
-    let along = dot(to_centre, rays.direction);
+    // Directions are no longer than 1: so are distances along them no shorter in units of the ray parameter.
+    let inverse_square = L::splat(1.0).div(dot(rays.direction, rays.direction));
+    let along = dot(to_centre, rays.direction).mul(inverse_square);
     let beside = sub(to_centre, scale(rays.direction, along));
     let reach = L::splat(sphere.radius.abs() + SLACK);
-    let behind = along.add(reach).lt(L::splat(0.0));
-    let beyond = far.lt(along.sub(reach));
+    let reach_along = reach.mul(inverse_square);
+    let behind = along.add(reach_along).lt(L::splat(0.0));
+    let beyond = far.lt(along.sub(reach_along));
     mask & dot(beside, beside).le(reach.mul(reach)) & !(behind | beyond)
 }
 
