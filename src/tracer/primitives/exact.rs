@@ -5,16 +5,27 @@
 pub type Vector = [f32; 3];
 
 /// A sum of f64 numbers without rounding: parts that do not overlap, the smallest first.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ExactSum {
-    parts: Vec<f64>,
+    parts: [f64; Self::ADDITIONS],
+    count: usize,
+}
+
+impl Default for ExactSum {
+    fn default() -> Self {
+        Self { parts: [0.0; Self::ADDITIONS], count: 0 }
+    }
 }
 
 impl ExactSum {
+    /// Every addition makes one part more at most: there are three sides to a triangle, three determinants to a side,
+    /// six products to a determinant, added in two halves each.
+    const ADDITIONS: usize = 3 * 3 * 6 * 2;
+
     fn add(&mut self, number: f64) {
         let mut carried = number;
         let mut kept = 0;
-        for i in 0..self.parts.len() {
+        for i in 0..self.count {
             let part = self.parts[i];
             let sum = carried + part;
             let of_part = sum - carried;
@@ -25,10 +36,11 @@ impl ExactSum {
                 kept += 1;
             }
         }
-        self.parts.truncate(kept);
         if carried != 0.0 {
-            self.parts.push(carried);
+            self.parts[kept] = carried;
+            kept += 1;
         }
+        self.count = kept;
     }
 
     /// The product of two f32 has 48 bits; in halves of 26 and 27 its products with a third one are exact.
@@ -49,7 +61,7 @@ impl ExactSum {
 
     /// Rounded to the nearest but for the last place; its sign is that of the sum.
     pub fn value(&self) -> f64 {
-        self.parts.iter().sum()
+        self.parts[..self.count].iter().sum()
     }
 }
 

@@ -6,3 +6,4 @@ pub mod exact;
 pub mod four_triangles;
 pub mod sphere;
 pub mod triangle;
+pub mod whole_numbers;

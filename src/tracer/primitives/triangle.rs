@@ -5,8 +5,9 @@
 //! Decided in f64 where its rounding cannot matter, exactly where it could; most triangles that are no hit are
 //! told by a bound in f32 before.
 
-use super::exact::{ExactSum, add_side, volume};
+use super::exact::{ExactSum, Vector, add_side, volume};
 use super::four_triangles::FourTriangles;
+use super::whole_numbers::{Volumes, volumes};
 use crate::database::records::Triangle;
 use crate::tracer::ray::Ray;
 use crate::tracer::simd::four::F32x4;
@@ -198,23 +199,29 @@ impl Shear {
     fn decide_exactly(&self, triangle: &Triangle) -> Option<TriangleHit> {
         let [x, y, z] = self.axes.map(|axis| triangle.coordinates[axis as usize]);
         let [a, b, c] = [0, 1, 2].map(|v| [x[v], y[v], z[v]]);
-        let (origin, direction) = (self.origin, self.direction);
-        let mut all = ExactSum::default();
-        let edge_functions = [(b, c), (c, a), (a, b)].map(|(from, to)| {
-            let mut sum = ExactSum::default();
-            add_side(&mut sum, origin, direction, from, to);
-            add_side(&mut all, origin, direction, from, to);
-            sum.value()
-        });
+        let volumes = volumes(self.origin, self.direction, [a, b, c])
+            .unwrap_or_else(|| summed_volumes(self.origin, self.direction, [a, b, c]));
+        let edge_functions = volumes.edges;
         // Either orientation.
         if edge_functions.iter().any(|&e| e < 0.0) && edge_functions.iter().any(|&e| e > 0.0) {
             return None;
         }
-        let determinant = all.value();
         // Zero without area, or in the plane: t is not a number, or infinite.
-        let t = volume(origin, [a, b, c]) / determinant;
-        (determinant != 0.0 && t >= 0.0).then_some(TriangleHit { t, edge_functions })
+        let t = volumes.triangle / volumes.determinant;
+        (volumes.determinant != 0.0 && t >= 0.0).then_some(TriangleHit { t, edge_functions })
     }
+}
+
+/// [`volumes`] of any coordinates.
+fn summed_volumes(origin: Vector, direction: Vector, [a, b, c]: [Vector; 3]) -> Volumes {
+    let mut all = ExactSum::default();
+    let edges = [(b, c), (c, a), (a, b)].map(|(from, to)| {
+        let mut sum = ExactSum::default();
+        add_side(&mut sum, origin, direction, from, to);
+        add_side(&mut all, origin, direction, from, to);
+        sum.value()
+    });
+    Volumes { edges, determinant: all.value(), triangle: volume(origin, [a, b, c]) }
 }
 
 /// The shear in f64.
