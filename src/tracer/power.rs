@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn lanes_do_not_change_the_bits() {
-        let power_of = |base, n| power(Pair::pair(base, 0.5), Pair::pair(n, 3.0)).lower();
+        let power_of = |base, n| power(Pair::of(base, 0.5), Pair::of(n, 3.0)).lower();
         for i in 1..500 {
             let (base, n) = (f64::from(i) / 400.0, f64::from(i % 37));
             assert_eq!(power_of(base, n).to_bits(), power(base, n).to_bits());

@@ -182,7 +182,7 @@ pub struct Pair<L>(L, L);
 
 #[cfg(test)]
 impl<L> Pair<L> {
-    pub(in crate::tracer) fn pair(lower: L, upper: L) -> Self {
+    pub(in crate::tracer) fn of(lower: L, upper: L) -> Self {
         Self(lower, upper)
     }
     pub(in crate::tracer) fn lower(self) -> L {

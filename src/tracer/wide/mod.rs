@@ -3,6 +3,8 @@
 //! sure, the single-ray kernel's own functions decide the rest.
 
 mod batch;
+mod derivation;
+mod fitted;
 mod lighting;
 mod octree;
 mod packet;
@@ -195,14 +197,14 @@ mod tests {
             let spread = [1e-3, 0.05, 1.0][i / 16 % 3];
             let mut origin = vector(&mut group) * 0.9 + vector(random) * 0.1 * spread;
             let mut direction = vector(&mut group) + vector(random) * spread;
-            if i % 5 == 0 {
+            if i.is_multiple_of(5) {
                 direction[i % 3] = 0.0;
                 origin[i % 3] = 0.25;
             }
             Ray {
                 origin: origin.as_vec3().to_array(),
                 direction: direction.normalize().as_vec3().to_array(),
-                t_max: if i % 4 == 0 { 0.5 } else { f32::INFINITY },
+                t_max: if i.is_multiple_of(4) { 0.5 } else { f32::INFINITY },
                 source: Source::Eye,
             }
         };
@@ -243,5 +245,35 @@ mod tests {
                 assert!(expected.iter().flatten().count() > 500, "{}", expected.iter().flatten().count());
             }
         }
+    }
+
+    #[test]
+    fn leaves_can_be_replaced_one_by_one() {
+        let scene = "balls:2".parse::<crate::topology::SceneSource>().expect("a scene");
+        let mut scene = crate::preparation::load(&scene).expect("procedural");
+        let teapot = "teapot:4".parse::<crate::topology::SceneSource>().expect("a scene");
+        let teapot = crate::preparation::load(&teapot).expect("procedural");
+        (scene.polygons, scene.vertices, scene.normals) = (teapot.polygons, teapot.vertices, teapot.normals);
+        scene.materials.extend(teapot.materials);
+        let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
+        let rays = rays(&mut Pcg32::seed_from_u64(3), 3000);
+        let hits = |octree: &WideOctree| -> Vec<_> {
+            let found = WideTracer::new(octree, &database, Simd::best()).nearest(&rays);
+            found.iter().map(|hit| hit.map(|hit| (hit.t, hit.primitive.0))).collect()
+        };
+        let whole = WideOctree::derive(&database);
+        let expected = hits(&whole);
+        let leaves = whole.leaf_paths();
+        assert!(leaves.len() > 50, "{}", leaves.len());
+        let mut built = whole.clone();
+        for (path, _) in &leaves {
+            built.replace(&database, path, &[]);
+        }
+        assert!(hits(&built).iter().all(Option::is_none));
+        // Each leaf gets what another one had: boxes have to follow.
+        for ((path, _), (_, ids)) in leaves.iter().zip(leaves.iter().rev()) {
+            built.replace(&database, path, ids);
+        }
+        assert_eq!(hits(&built), expected);
     }
 }
