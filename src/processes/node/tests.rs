@@ -111,7 +111,7 @@ async fn play_bus(mut listener: Listener, database: Database, asked: Arc<Asked>,
             }
             other => panic!("a node does not ask for {other:?}"),
         };
-        sender.send_with_bulk(&MemoryReply::Data { bytes: data.len() as u32 }, &data).await.expect("awaited");
+        sender.send_with_bulk(&MemoryReply::Data { bytes: data.len() as u32 }, data.as_slice()).await.expect("awaited");
     }
 }
 
