@@ -99,9 +99,10 @@ fn every_kernel_and_every_way_to_run_give_the_same_image_of_every_scene() {
             assert_eq!(packets["tests"], Value::Null, "nothing of the kind was counted");
         }
         let (scene, size) = (format!("scene.procedural={scene}"), format!("scene.size={size}"));
-        let sets = [&scene, &size, "image.width=48", "image.height=40"];
+        let line = "cluster.local_memory.line=256";
+        let sets = [&scene, &size, "image.width=48", "image.height=40", line];
         let run = |memory| expect_same(&expected, &[&sets[..], &[memory]].concat());
-        let (all, little) = (run("cluster.local_memory.size=all"), run("cluster.local_memory.size=1/16"));
+        let (all, little) = (run("cluster.local_memory.size=all"), run("cluster.local_memory.size=1/4"));
         assert_eq!((&all["kernel"]["name"], &little["kernel"]["name"]), (&"packets".into(), &"single".into()));
         assert!(number(&all, "kernel.derived_bytes") > 0 && all["octree"]["levels"][0]["accesses"].is_null());
         assert!(number(&little, "memory.misses") > 0 && number(&little, "tests.primitive") > 0);
