@@ -118,32 +118,45 @@ pub fn encode_into<M: Message>(
     append_bulk: impl FnOnce(&mut Vec<u8>),
 ) -> Result<(), CodecError> {
     let start = out.len();
-    let result = encode_after(start, message, out, append_bulk);
+    encode_head(message, 0, out)?;
+    let head_end = out.len();
+    append_bulk(out);
+    let (head, bulk) = out[start..].split_at_mut(head_end - start);
+    let result = write_length::<M>(head, bulk.len());
     if result.is_err() {
         out.truncate(start);
     }
     result
 }
 
-fn encode_after<M: Message>(
-    start: usize,
-    message: &M,
-    out: &mut Vec<u8>,
-    append_bulk: impl FnOnce(&mut Vec<u8>),
-) -> Result<(), CodecError> {
+/// Appends the start of a frame to `out`: its length and the message. So many bulk bytes are to follow.
+///
+/// # Errors
+/// As [`encode`]; `out` is then as it was.
+pub fn encode_head<M: Message>(message: &M, bulk_bytes: usize, out: &mut Vec<u8>) -> Result<(), CodecError> {
+    let start = out.len();
     out.extend_from_slice(&[0; PREFIX_BYTES]);
-    let bytes = encode_into_std_write(message, out, CONFIGURATION)
-        .map_err(|error| CodecError::Malformed { name: M::NAME, why: error.to_string() })?;
-    if bytes > M::BYTES_MAX {
-        return Err(CodecError::MessageTooLong { name: M::NAME, bytes, bytes_max: M::BYTES_MAX });
+    let encoded = encode_into_std_write(message, out, CONFIGURATION)
+        .map_err(|error| CodecError::Malformed { name: M::NAME, why: error.to_string() });
+    let result = encoded.and_then(|bytes| {
+        if bytes > M::BYTES_MAX {
+            return Err(CodecError::MessageTooLong { name: M::NAME, bytes, bytes_max: M::BYTES_MAX });
+        }
+        write_length::<M>(&mut out[start..], bulk_bytes)
+    });
+    if result.is_err() {
+        out.truncate(start);
     }
-    append_bulk(out);
-    let frame_bytes = out.len() - start - PREFIX_BYTES;
-    check_bulk::<M>(frame_bytes - bytes)?;
+    result
+}
+
+/// Writes the length of a frame whose start is `head`.
+fn write_length<M: Message>(head: &mut [u8], bulk_bytes: usize) -> Result<(), CodecError> {
+    check_bulk::<M>(bulk_bytes)?;
+    let bytes = head.len() - PREFIX_BYTES + bulk_bytes;
     // Cannot fail: no message and its bulk bytes may be longer than a u32 together.
-    let length = u32::try_from(frame_bytes)
-        .map_err(|_| CodecError::FrameTooLong { bytes: frame_bytes, bytes_max: u32::MAX as usize })?;
-    out[start..start + PREFIX_BYTES].copy_from_slice(&length.to_be_bytes());
+    let length = u32::try_from(bytes).map_err(|_| CodecError::FrameTooLong { bytes, bytes_max: u32::MAX as usize })?;
+    head[..PREFIX_BYTES].copy_from_slice(&length.to_be_bytes());
     Ok(())
 }
 

@@ -139,15 +139,29 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         render_cpu: median(cpus),
         total: start.elapsed().as_secs_f64(),
     };
-    let report = report(arguments.scene.to_string(), &prepared, &rendering, files, seconds);
+    let report = report(arguments.scene.to_string(), &prepared, kernel, &rendering, files, seconds);
     if let Some(path) = &arguments.report {
         json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
     }
     if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) }
 }
 
-fn report(source: String, prepared: &Prepared, rendering: &Rendering, files: Vec<PathBuf>, seconds: Seconds) -> Report {
+fn report(
+    source: String,
+    prepared: &Prepared,
+    kernel: Kernel<'_>,
+    rendering: &Rendering,
+    files: Vec<PathBuf>,
+    seconds: Seconds,
+) -> Report {
     let stats = &rendering.stats;
+    let octree = report::Octree::new(&Census::of(&prepared.database));
+    let (kernel, octree, tests) = match kernel {
+        Kernel::Single { .. } => (report::Kernel::Single, octree.with_accesses(stats), Some(report::Tests::new(stats))),
+        Kernel::Packets(derived, simd) => {
+            (report::Kernel::Packets { simd, derived_bytes: derived.bytes() }, octree, None)
+        }
+    };
     Report {
         schema_version: SCHEMA_VERSION,
         build: env!("CARGO_PKG_VERSION").to_owned(),
@@ -161,9 +175,10 @@ fn report(source: String, prepared: &Prepared, rendering: &Rendering, files: Vec
             non_finite_pixels: stats.non_finite_pixels,
             files,
         },
+        kernel: Some(kernel),
         rays: report::Rays::new(stats),
-        octree: report::Octree::new(&Census::of(&prepared.database)).with_accesses(stats),
-        tests: report::Tests { primitive: stats.primitive_tests, mailbox_skips: stats.mailbox_skips },
+        octree,
+        tests,
         tiles: None,
         nodes: Vec::new(),
         memory: None,

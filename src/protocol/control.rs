@@ -11,6 +11,7 @@ use super::work::TileDone;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
+use crate::tracer::simd::Simd;
 use crate::tracer::{AovSet, Tiling, View};
 
 /// Handed to a spawned process by its standard input: where to go, and the secret.
@@ -181,7 +182,17 @@ pub enum NodeReport {
     Incident(String),
     /// What went wrong, just before the process ends by itself.
     Failed(String),
+    /// It holds the whole database and is ready to trace so.
+    Packets(Packets),
     Finished,
+}
+
+/// What a node traces with that holds the whole database.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Packets {
+    pub simd: Simd,
+    /// Of the structure that it made of the database, besides it.
+    pub derived_bytes: u64,
 }
 
 /// Manager to display.

@@ -6,8 +6,9 @@ use crate::ids::{Attempt, TileId};
 use crate::machine::stats::MemoryStats;
 use crate::tracer::TraceStats;
 
-/// How many tiles a node may hold at once: one to trace, one to begin with at once after it.
-pub const JOBS_PER_NODE: usize = 2;
+/// How many tiles a node may hold at once: one to trace, one to begin with at once after it, and two on their way to
+/// the display and back, which takes a while when every processor is busy tracing.
+pub const JOBS_PER_NODE: usize = 4;
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum WorkRequest {

@@ -16,6 +16,7 @@ pub use memory::{Memory, NodeMemory};
 
 use crate::database::verify::Verified;
 use crate::tracer::octree::census::Census;
+use crate::tracer::simd::Simd;
 use crate::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
@@ -32,9 +33,14 @@ pub struct Report {
     pub error: Option<String>,
     pub scene: Scene,
     pub image: Image,
+    /// `None` where nothing traced.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub kernel: Option<Kernel>,
     pub rays: Rays,
     pub octree: Octree,
-    pub tests: Tests,
+    /// `None` where packets traced: these are counts of the single-ray kernel.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub tests: Option<Tests>,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub tiles: Option<Tiles>,
     /// By node id.
@@ -90,6 +96,16 @@ pub struct Image {
     pub files: Vec<PathBuf>,
 }
 
+/// What traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "name", rename_all = "snake_case")]
+pub enum Kernel {
+    /// One ray at a time over the shared image, whose records are counted.
+    Single,
+    /// Packets over a structure that every process that traces derived from the image, besides it.
+    Packets { simd: Simd, derived_bytes: u64 },
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rays {
     pub primary: u64,
@@ -128,7 +144,7 @@ pub struct Octree {
 }
 
 impl Octree {
-    /// Of an octree that no ray has visited.
+    /// Of an octree whose visits were not counted.
     pub fn new(census: &Census) -> Self {
         let total = census.total();
         Self {
@@ -136,14 +152,14 @@ impl Octree {
             leaves: total.leaves + total.empty_leaves,
             references: total.references,
             depth: census.depth(),
-            levels: census.levels.iter().map(|level| OctreeLevel { nodes: level.nodes(), accesses: 0 }).collect(),
+            levels: census.levels.iter().map(|level| OctreeLevel { nodes: level.nodes(), accesses: None }).collect(),
         }
     }
 
     #[must_use]
     pub fn with_accesses(mut self, trace: &TraceStats) -> Self {
         for (level, accesses) in self.levels.iter_mut().zip(trace.octree_accesses) {
-            level.accesses = accesses;
+            level.accesses = Some(accesses);
         }
         self
     }
@@ -152,8 +168,9 @@ impl Octree {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OctreeLevel {
     pub nodes: u64,
-    /// Visits by rays.
-    pub accesses: u64,
+    /// Visits by rays; `None` where packets traced.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub accesses: Option<u64>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -277,15 +294,19 @@ pub(crate) mod sample {
                 non_finite_pixels: 0,
                 files: vec![PathBuf::from("out/image.png")],
             },
+            kernel: Some(Kernel::Packets { simd: Simd::Avx2, derived_bytes: 93_520 }),
             rays: Rays { primary: 3072, shadow: 2000, reflection: 500, refraction: 28 },
             octree: Octree {
                 nodes: 9,
                 leaves: 8,
                 references: 20,
                 depth: 1,
-                levels: vec![OctreeLevel { nodes: 1, accesses: 5600 }, OctreeLevel { nodes: 8, accesses: 9000 }],
+                levels: vec![
+                    OctreeLevel { nodes: 1, accesses: Some(5600) },
+                    OctreeLevel { nodes: 8, accesses: Some(9000) },
+                ],
             },
-            tests: Tests { primitive: 12_345, mailbox_skips: 678 },
+            tests: Some(Tests { primitive: 12_345, mailbox_skips: 678 }),
             tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0 }),
             nodes: vec![node(0), node(1)],
             memory: Some(Memory::new(&all, 32, 8192)),
@@ -321,6 +342,8 @@ mod tests {
     fn what_does_not_apply_is_left_out() {
         let render = Report {
             error: None,
+            kernel: None,
+            tests: None,
             tiles: None,
             nodes: vec![],
             memory: None,
@@ -329,7 +352,7 @@ mod tests {
             ..sample::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
-        for key in ["error", "tiles", "nodes", "memory", "bus", "conservation"] {
+        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation"] {
             assert!(json.get(key).is_none(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Report>(json).expect("reads back"), render);

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{Report, Status};
+use super::{Kernel, Report, Status};
 
 /// Several lines, each with a name in front.
 pub fn summary(report: &Report) -> String {
@@ -35,6 +35,19 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
             octree.depth
         ),
     )?;
+    match report.kernel {
+        None => {}
+        Some(Kernel::Single) => line(out, "kernel", format_args!("single rays"))?,
+        Some(Kernel::Packets { simd, derived_bytes }) => line(
+            out,
+            "kernel",
+            format_args!(
+                "packets, {simd}, derived octree {}, {:.1} bytes a primitive",
+                Bytes(derived_bytes),
+                super::ratio(derived_bytes as f64, scene.primitives as f64)
+            ),
+        )?,
+    }
     line(
         out,
         "rays",
@@ -48,15 +61,17 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
             Grouped(report.rays_per_second() as u64)
         ),
     )?;
-    line(
-        out,
-        "tests",
-        format_args!(
-            "{} of primitives, {} saved by the mailbox",
-            Grouped(report.tests.primitive),
-            Grouped(report.tests.mailbox_skips)
-        ),
-    )?;
+    if let Some(tests) = report.tests {
+        line(
+            out,
+            "tests",
+            format_args!(
+                "{} of primitives, {} saved by the mailbox",
+                Grouped(tests.primitive),
+                Grouped(tests.mailbox_skips)
+            ),
+        )?;
+    }
     write_cluster(out, report)?;
     line(
         out,
@@ -198,6 +213,8 @@ mod tests {
         let text = summary(&sample::report());
         for part in [
             "1,169 primitives, database 64.0 KiB",
+            "packets, avx2, derived octree 91.3 KiB, 80.0 bytes a primitive",
+            "12,345 of primitives, 678 saved by the mailbox",
             "5,600: 3,072 primary, 2,000 shadow, 500 reflection, 28 refraction; 2,800/s",
             "4 of 5 by 2 nodes, 1 issued again",
             "8.0 KiB a node in lines of 32 bytes: 89.796% of 980 record accesses hit",

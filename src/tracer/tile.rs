@@ -93,12 +93,38 @@ impl Pixels {
         pixels * per_pixel
     }
 
-    /// Appends the planes one after the other, little-endian: colour, depth, normal, primitive.
+    /// No pixels yet, and memory for so many.
+    pub fn with_room(pixels: usize, aov: AovSet) -> Self {
+        let room = |wanted: bool| if wanted { pixels } else { 0 };
+        Self {
+            colour: Vec::with_capacity(pixels),
+            depth: Vec::with_capacity(room(aov.depth)),
+            normal: Vec::with_capacity(room(aov.normal)),
+            primitive: Vec::with_capacity(room(aov.primitive)),
+        }
+    }
+
+    /// Adds the pixels below these ones.
+    pub fn append(&mut self, below: &Self) {
+        self.colour.extend_from_slice(&below.colour);
+        self.depth.extend_from_slice(&below.depth);
+        self.normal.extend_from_slice(&below.normal);
+        self.primitive.extend_from_slice(&below.primitive);
+    }
+
+    /// The planes' bytes, little-endian: colour, depth, normal, primitive.
+    pub fn planes(&self) -> [&[u8]; 4] {
+        [
+            bytemuck::cast_slice(&self.colour),
+            bytemuck::cast_slice(&self.depth),
+            bytemuck::cast_slice(&self.normal),
+            bytemuck::cast_slice(&self.primitive),
+        ]
+    }
+
+    /// Appends the planes one after the other.
     pub fn write_bytes(&self, out: &mut Vec<u8>) {
-        out.extend_from_slice(bytemuck::cast_slice(&self.colour));
-        out.extend_from_slice(bytemuck::cast_slice(&self.depth));
-        out.extend_from_slice(bytemuck::cast_slice(&self.normal));
-        out.extend_from_slice(bytemuck::cast_slice(&self.primitive));
+        self.planes().iter().for_each(|plane| out.extend_from_slice(plane));
     }
 
     /// The reverse of [`Self::write_bytes`]; `None` when the length is not that of `pixels` pixels.

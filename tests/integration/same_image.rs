@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use marti::tracer::simd::Simd;
 use serde_json::Value;
 
 use crate::command::{TEAPOT, marti, number, read_report, report_of, run, stderr};
@@ -11,9 +12,13 @@ fn sha256(report: &Value) -> String {
 }
 
 fn render(out: &Path, extra: &[&str]) -> Value {
+    render_scene("teapot:6", "64x64", out, extra)
+}
+
+fn render_scene(scene: &str, size: &str, out: &Path, extra: &[&str]) -> Value {
     let (png, report) = (out.join("render.png"), out.join("render.json"));
     let (png, report_file) = (png.to_string_lossy(), report.to_string_lossy());
-    let mut arguments = vec!["render", "teapot:6", "-o", &png, "--size", "64x64", "--report", &report_file];
+    let mut arguments = vec!["render", scene, "-o", &png, "--size", size, "--report", &report_file];
     arguments.extend(extra);
     let output = run(&arguments);
     assert!(output.status.success(), "{extra:?}: {}", stderr(&output));
@@ -61,6 +66,47 @@ fn any_number_of_nodes_and_any_memory_give_the_same_image() {
             assert!(number(&report, "memory.misses") > 0, "{nodes} {size}");
             assert_eq!(number(&report, "bus.fetches"), number(&report, "memory.misses"), "{nodes} {size}");
         }
+    }
+}
+
+/// The packets with any instructions, the single-ray kernel, nodes with all of the database, nodes with little of it.
+#[test]
+fn every_kernel_and_every_way_to_run_give_the_same_image_of_every_scene() {
+    let scenes = [
+        ("gears", 2),
+        ("teapot", 12),
+        ("balls", 4),
+        ("tetra", 6),
+        ("slivers", 2),
+        ("plane", 6),
+        ("decades", 2),
+        ("giant", 2),
+        ("corner", 3),
+    ];
+    for (scene, size) in scenes {
+        let out = tempfile::tempdir().expect("temporary folder");
+        let named = format!("{scene}:{size}");
+        let render = |kernel: &[&str]| render_scene(&named, "48x40", out.path(), kernel);
+        let single = render(&["--kernel", "single"]);
+        assert_eq!(single["kernel"]["name"], "single");
+        assert!(number(&single, "tests.primitive") > 0);
+        let expected = sha256(&single);
+        for simd in Simd::available() {
+            let packets = render(&["--kernel", "packets", "--simd", simd.name()]);
+            assert_eq!(sha256(&packets), expected, "{named} {simd}");
+            assert_eq!(packets["rays"], single["rays"], "{named} {simd}");
+            assert_eq!(packets["kernel"]["simd"], simd.name());
+            assert_eq!(packets["tests"], Value::Null, "nothing of the kind was counted");
+        }
+        let (scene, size) = (format!("scene.procedural={scene}"), format!("scene.size={size}"));
+        let line = "cluster.local_memory.line=256";
+        let sets = [&scene, &size, "image.width=48", "image.height=40", line];
+        let run = |memory| expect_same(&expected, &[&sets[..], &[memory]].concat());
+        let (all, little) = (run("cluster.local_memory.size=all"), run("cluster.local_memory.size=1/4"));
+        assert_eq!((&all["kernel"]["name"], &little["kernel"]["name"]), (&"packets".into(), &"single".into()));
+        assert!(number(&all, "kernel.derived_bytes") > 0 && all["octree"]["levels"][0]["accesses"].is_null());
+        assert!(number(&little, "memory.misses") > 0 && number(&little, "tests.primitive") > 0);
+        assert_eq!((&all["rays"], &little["rays"]), (&single["rays"], &single["rays"]));
     }
 }
 

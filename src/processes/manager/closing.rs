@@ -10,9 +10,11 @@ use crate::ids::NodeId;
 use crate::machine::local_memory::Geometry;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
+use crate::protocol::control::Packets;
 use crate::report::conservation::{Books, Conservation, NodeBook};
 use crate::report::{
-    Bus, Image, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests, Tiles,
+    Bus, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests,
+    Tiles,
 };
 use crate::topology::{MemorySize, Topology};
 use crate::tracer::octree::census::Census;
@@ -60,6 +62,11 @@ pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
     let line_bytes = state.plan.cluster.local_memory.line;
     let counted = counted(state);
     let (status, error) = status(state.over());
+    let kernel = kernel(state);
+    let (octree, tests) = match kernel {
+        Some(Kernel::Single) => (facts.octree.with_accesses(&ledger.trace), Some(Tests::new(&ledger.trace))),
+        _ => (facts.octree, None),
+    };
     let render = ledger.last_tile.zip(ledger.first_tile).map_or(Duration::ZERO, |(last, first)| last - first);
     Report {
         schema_version: SCHEMA_VERSION,
@@ -74,9 +81,10 @@ pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
             non_finite_pixels: ledger.trace.non_finite_pixels,
             files: ledger.display.as_ref().map_or_else(Vec::new, |display| display.written.clone()),
         },
+        kernel,
         rays: Rays::new(&ledger.trace),
-        octree: facts.octree.with_accesses(&ledger.trace),
-        tests: Tests::new(&ledger.trace),
+        octree,
+        tests,
         tiles: Some(Tiles {
             total: u64::from(queue.total()),
             done: u64::from(queue.total() - queue.missing()),
@@ -117,6 +125,16 @@ fn status(cause: Option<&Cause>) -> (Status, Option<String>) {
         Some(Cause::NoNodes) | None => (Status::TilesMissing, None),
         Some(Cause::Interrupted(_)) => (Status::Interrupted, None),
         Some(Cause::Failed(why)) => (Status::Failed, Some(why.clone())),
+    }
+}
+
+/// `None` where no node came so far as to tell what it derived.
+fn kernel(state: &State) -> Option<Kernel> {
+    match state.plan.cluster.local_memory.size {
+        MemorySize::All => {
+            state.ledger.packets.map(|Packets { simd, derived_bytes }| Kernel::Packets { simd, derived_bytes })
+        }
+        _ => Some(Kernel::Single),
     }
 }
 

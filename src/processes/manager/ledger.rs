@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::ids::NodeId;
 use crate::machine::stats::MemoryStats;
-use crate::protocol::control::{BusTotals, DisplayTotals, LostAttempt, MasterTotals};
+use crate::protocol::control::{BusTotals, DisplayTotals, LostAttempt, MasterTotals, Packets};
 use crate::protocol::work::TileDone;
 use crate::report::Incident;
 use crate::tracer::TraceStats;
@@ -19,6 +19,8 @@ pub(super) struct Ledger {
     pub(super) trace: TraceStats,
     pub(super) render_cpu_nanoseconds: u64,
     pub(super) lost: Vec<LostAttempt>,
+    /// What nodes trace with that hold the whole database, each the same.
+    pub(super) packets: Option<Packets>,
     pub(super) bus: Option<BusTotals>,
     pub(super) master: Option<MasterTotals>,
     pub(super) display: Option<DisplayTotals>,

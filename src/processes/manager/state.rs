@@ -165,6 +165,7 @@ impl State {
             Report::Node(NodeReport::Failed(why)) | Report::Display(DisplayReport::Failed(why)) => {
                 self.doom(id, format!("failed: {why}"));
             }
+            Report::Node(NodeReport::Packets(packets)) => self.ledger.packets = Some(packets),
             Report::Node(NodeReport::Finished) => process.enter(Stage::Finished, self.now),
             Report::Bus(BusReport::Listening(address)) => self.bus_listens(id, address),
             Report::Bus(BusReport::Finished(totals)) => {

@@ -436,7 +436,9 @@ mod tests {
         }
         let actions = ready(&mut state, 0);
         assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
-        assert!(matches!(&reports(actions)[..], [MasterReport::Incident(why)] if why.contains("more than 2")));
+        assert!(
+            matches!(&reports(actions)[..], [MasterReport::Incident(why)] if why.contains(&format!("more than {JOBS_PER_NODE}")))
+        );
     }
 
     #[test]

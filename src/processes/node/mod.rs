@@ -5,9 +5,12 @@ pub mod bus_lines;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
+pub mod whole_database;
 
 use std::time::Duration;
 
+use bytes::Buf;
+use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout_at};
 
 pub use bus_lines::BusLines;
@@ -82,7 +85,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
         Some(NodeCommand::Finish) => return Ok(()),
         None => return Err(NodeError::Orphaned),
     };
-    let mut shell = Shell::start(configuration, child.hello()).await?;
+    let mut shell = Shell::start(configuration, child.hello(), link.reports.clone()).await?;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
@@ -107,19 +110,25 @@ struct Shell {
     from_master: Receiver<WorkReply>,
     to_display: Sender<TilePixels>,
     from_display: Receiver<ImageReply>,
+    /// To the manager.
+    reports: mpsc::Sender<NodeReport>,
     /// Of the acknowledgement that is awaited.
     late: Instant,
 }
 
 impl Shell {
-    async fn start(configuration: NodeConfiguration, hello: Hello) -> Result<Self, NodeError> {
+    async fn start(
+        configuration: NodeConfiguration,
+        hello: Hello,
+        reports: mpsc::Sender<NodeReport>,
+    ) -> Result<Self, NodeError> {
         let master = connect(Role::Master, configuration.master, &hello, CONNECT_DEADLINE).await?;
         let display = connect(Role::Display, configuration.display, &hello, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
         let (to_display, from_display) = display.split();
         let state = State::new(configuration.tiling);
         let tracer = Tracer::start(configuration, hello)?;
-        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, late: Instant::now() })
+        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, reports, late: Instant::now() })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
@@ -127,7 +136,7 @@ impl Shell {
         let late = self.state.awaits_display().then_some(self.late);
         tokio::select! {
             said = self.tracer.said.recv() => match said {
-                Some(FromTracer::Ready) => Ok(Event::TracerReady),
+                Some(FromTracer::Ready(packets)) => Ok(Event::TracerReady(packets)),
                 Some(FromTracer::Traced(traced)) => Ok(Event::Traced(traced)),
                 Some(FromTracer::Failed(why)) => Err(NodeError::Tracer(why)),
                 None => Err(NodeError::Tracer("its thread ended".to_owned())),
@@ -150,13 +159,18 @@ impl Shell {
         }
         for action in self.state.handle(event)? {
             match action {
+                // An error means that the manager is gone: its commands end too.
+                Action::TellPackets(packets) => drop(self.reports.send(NodeReport::Packets(packets)).await),
                 Action::AskForTile => self.to_master.send(&WorkRequest::Ready).await?,
                 Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
                 // There is room: no more tiles are asked for than the queue takes.
                 Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
-                Action::SendPixels { tile, attempt, planes } => {
-                    let pixels = TilePixels { tile, attempt, crc32c: crc32c::crc32c(&planes) };
-                    self.to_display.send_with_bulk(&pixels, &planes).await?;
+                Action::SendPixels { tile, attempt, pixels } => {
+                    let planes = pixels.planes();
+                    let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
+                    let [colour, depth, normal, primitive] = planes;
+                    let planes = colour.chain(depth).chain(normal).chain(primitive);
+                    self.to_display.send_with_bulk(&TilePixels { tile, attempt, crc32c }, planes).await?;
                 }
             }
         }

@@ -7,8 +7,9 @@
 //! ```
 
 use crate::ids::{Attempt, TileId};
+use crate::protocol::control::Packets;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
-use crate::tracer::{Rect, Tiling};
+use crate::tracer::{Pixels, Rect, Tiling};
 
 /// A tile to trace.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -18,18 +19,17 @@ pub struct Job {
     pub rect: Rect,
 }
 
-/// A traced tile: its completion, and its planes as the display wants them.
+/// A traced tile: its completion, and its pixels.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Traced {
     pub done: Box<TileDone>,
-    /// As [`crate::tracer::Pixels::write_bytes`] lays them out.
-    pub planes: Vec<u8>,
+    pub pixels: Pixels,
 }
 
 #[derive(Clone, PartialEq, Debug)]
 pub enum Event {
-    /// The tracer has what it needs.
-    TracerReady,
+    /// The tracer has what it needs; `Some` when it traces packets.
+    TracerReady(Option<Packets>),
     /// The master hands out a tile.
     Job {
         tile: TileId,
@@ -45,13 +45,15 @@ pub enum Event {
 
 #[derive(Clone, PartialEq, Debug)]
 pub enum Action {
+    /// Tell the manager what traces.
+    TellPackets(Packets),
     /// Ask the master for one more tile.
     AskForTile,
     Trace(Job),
     SendPixels {
         tile: TileId,
         attempt: Attempt,
-        planes: Vec<u8>,
+        pixels: Pixels,
     },
     TellDone(Box<TileDone>),
 }
@@ -90,9 +92,10 @@ impl State {
     /// The event cannot be: the process that caused it is at fault, and this one must not go on.
     pub fn handle(&mut self, event: Event) -> Result<Vec<Action>, Violation> {
         match event {
-            Event::TracerReady => {
+            Event::TracerReady(packets) => {
                 self.asked = JOBS_PER_NODE;
-                Ok(vec![Action::AskForTile; JOBS_PER_NODE])
+                let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
+                Ok(packets.map(Action::TellPackets).into_iter().chain(ask).collect())
             }
             Event::Job { tile, attempt } => {
                 let tiles = self.tiling.tile_count();
@@ -100,10 +103,10 @@ impl State {
                 self.asked = self.asked.checked_sub(1).ok_or(Violation::Unasked { tile })?;
                 Ok(vec![Action::Trace(Job { tile, attempt, rect })])
             }
-            Event::Traced(Traced { done, planes }) => {
+            Event::Traced(Traced { done, pixels }) => {
                 let (tile, attempt) = (done.tile, done.attempt);
                 self.sent.push(*done);
-                Ok(vec![Action::SendPixels { tile, attempt, planes }])
+                Ok(vec![Action::SendPixels { tile, attempt, pixels }])
             }
             Event::Acknowledged { tile, attempt } => {
                 let sent = self.sent.iter().position(|done| (done.tile, done.attempt) == (tile, attempt));
@@ -119,6 +122,7 @@ impl State {
 mod tests {
     use super::*;
     use crate::tracer::TraceStats;
+    use crate::tracer::simd::Simd;
 
     const TILING: Tiling = Tiling { width: 10, height: 10, tile_width: 4, tile_height: 4 };
 
@@ -136,8 +140,12 @@ mod tests {
         })
     }
 
+    fn pixels(tile: u32) -> Pixels {
+        Pixels { primitive: vec![tile as i32], ..Pixels::default() }
+    }
+
     fn traced(tile: u32) -> Event {
-        Event::Traced(Traced { done: done(tile), planes: vec![tile as u8] })
+        Event::Traced(Traced { done: done(tile), pixels: pixels(tile) })
     }
 
     fn acknowledged(tile: u32) -> Event {
@@ -146,8 +154,15 @@ mod tests {
 
     fn ready() -> State {
         let mut state = State::new(TILING);
-        assert_eq!(state.handle(Event::TracerReady), Ok(vec![Action::AskForTile; JOBS_PER_NODE]));
+        assert_eq!(state.handle(Event::TracerReady(None)), Ok(vec![Action::AskForTile; JOBS_PER_NODE]));
         state
+    }
+
+    #[test]
+    fn a_node_that_traces_packets_says_so_first() {
+        let packets = Packets { simd: Simd::Scalar, derived_bytes: 1 };
+        let actions = State::new(TILING).handle(Event::TracerReady(Some(packets))).expect("ready once");
+        assert_eq!(actions[..2], [Action::TellPackets(packets), Action::AskForTile]);
     }
 
     #[test]
@@ -157,7 +172,7 @@ mod tests {
         let (tile, attempt) = (TileId(8), Attempt(0));
         assert_eq!(state.handle(job(8)), Ok(vec![Action::Trace(Job { tile, attempt, rect })]));
         assert!(!state.awaits_display());
-        assert_eq!(state.handle(traced(8)), Ok(vec![Action::SendPixels { tile, attempt, planes: vec![8] }]));
+        assert_eq!(state.handle(traced(8)), Ok(vec![Action::SendPixels { tile, attempt, pixels: pixels(8) }]));
         assert!(state.awaits_display());
         assert_eq!(state.handle(acknowledged(8)), Ok(vec![Action::TellDone(done(8)), Action::AskForTile]));
         assert!(!state.awaits_display());

@@ -111,7 +111,7 @@ async fn play_bus(mut listener: Listener, database: Database, asked: Arc<Asked>,
             }
             other => panic!("a node does not ask for {other:?}"),
         };
-        sender.send_with_bulk(&MemoryReply::Data { bytes: data.len() as u32 }, &data).await.expect("awaited");
+        sender.send_with_bulk(&MemoryReply::Data { bytes: data.len() as u32 }, data.as_slice()).await.expect("awaited");
     }
 }
 
@@ -179,7 +179,7 @@ async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, N
     to_node.send(&NodeCommand::Configure(Box::new(configuration))).await.expect("awaited");
     let (finish, mut finished) = oneshot::channel();
     tokio::spawn(async move {
-        while let Ok(Some(NodeReport::Heartbeat)) = from_node.receive().await {
+        while let Ok(Some(NodeReport::Heartbeat | NodeReport::Packets(_))) = from_node.receive().await {
             if finished.try_recv().is_ok() {
                 to_node.send(&NodeCommand::Finish).await.expect("awaited");
             }

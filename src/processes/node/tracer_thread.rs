@@ -12,16 +12,16 @@ use tokio::sync::mpsc;
 use super::bus_lines::BusLines;
 use super::state::{Job, Traced};
 use super::tile_memory::{self, TileMemory};
-use crate::protocol::control::NodeConfiguration;
+use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::hello::Hello;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
-use crate::tracer::TileTracer;
+use crate::tracer::AovSet;
 
 /// What the thread says.
 #[derive(Debug)]
 pub enum FromTracer {
-    /// Its memory is set up; it waits for tiles.
-    Ready,
+    /// Its memory is set up; it waits for tiles. `Some`: traces packets.
+    Ready(Option<Packets>),
     Traced(Traced),
     /// It ends after this.
     Failed(String),
@@ -58,34 +58,27 @@ fn trace_all(
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
     let bus = BusLines::connect(configuration.bus, hello)?;
-    let mut memory = tile_memory::new(configuration, bus)?;
-    let mut tracer = TileTracer::new(&configuration.header, &configuration.view, configuration.octree.mailbox);
-    let _ = say.blocking_send(FromTracer::Ready);
-    for job in jobs {
-        let traced = trace(&job, &mut *memory, &mut tracer, configuration)?;
-        if say.blocking_send(FromTracer::Traced(traced)).is_err() {
-            break;
+    tile_memory::with(configuration, bus, |memory| {
+        let _ = say.blocking_send(FromTracer::Ready(memory.packets()));
+        for job in jobs {
+            let traced = trace(&job, memory, configuration.aov)?;
+            if say.blocking_send(FromTracer::Traced(traced)).is_err() {
+                break;
+            }
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
-fn trace(
-    job: &Job,
-    memory: &mut dyn TileMemory,
-    tracer: &mut TileTracer,
-    configuration: &NodeConfiguration,
-) -> Result<Traced, Box<dyn Error>> {
+fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, Box<dyn Error>> {
     let start = thread_cpu_nanoseconds()?;
     memory.bus().begin(job.tile, job.attempt);
-    let (pixels, trace) = memory.trace(tracer, job.rect, configuration.aov)?;
+    let (pixels, trace) = memory.trace(job.rect, aov)?;
     let render_cpu_nanoseconds = thread_cpu_nanoseconds()?.saturating_sub(start);
     memory.bus().tell_pixels(job.rect.pixel_count())?;
-    let mut planes = Vec::new();
-    pixels.write_bytes(&mut planes);
     let Job { tile, attempt, .. } = *job;
     let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
-    Ok(Traced { done: Box::new(done), planes })
+    Ok(Traced { done: Box::new(done), pixels })
 }
 
 fn thread_cpu_nanoseconds() -> nix::Result<u64> {

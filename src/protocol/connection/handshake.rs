@@ -57,7 +57,7 @@ async fn introduce(
 ) -> Result<Connection, Fault> {
     let stream = TcpStream::connect(address).await.map_err(Fault::Io)?;
     let mut connection = Connection::new(stream, Arc::clone(peer))?;
-    write_frame(&mut connection.writer, &codec::encode(hello, &[])?, deadline).await?;
+    write_frame(&mut connection.writer, codec::encode(hello, &[])?.as_slice(), deadline).await?;
     let frame = next_frame(&mut connection).await?;
     judge_reply(&frame)?;
     Ok(connection)
@@ -103,7 +103,7 @@ pub async fn accept(
             Err(Fault::Refused(why)) => HelloReply::Refused(why.clone()),
             Err(fault) => HelloReply::Refused(fault.to_string()),
         };
-        let answered = write_frame(&mut connection.writer, &codec::encode(&reply, &[])?, deadline).await;
+        let answered = write_frame(&mut connection.writer, codec::encode(&reply, &[])?.as_slice(), deadline).await;
         let hello = hello?;
         answered?;
         let peer = Peer { role: hello.role, epoch: hello.epoch, address };

@@ -33,7 +33,7 @@ use crate::codec::{self, CodecError, Message};
 pub const WRITE_DEADLINE: Duration = Duration::from_secs(10);
 
 /// Buffers grow by what has arrived, in steps of this, never by what a length claims.
-const READ_BYTES: usize = 64 << 10;
+const READ_BYTES: usize = 256 << 10;
 
 /// What went wrong on a connection, and with whom.
 #[derive(Debug, thiserror::Error)]
@@ -184,17 +184,21 @@ impl<M: Message> Sender<M> {
     /// # Errors
     /// The peer is gone, does not read within [`WRITE_DEADLINE`], or the message is too long.
     pub async fn send(&mut self, message: &M) -> Result<(), ConnectionError> {
-        self.send_with_bulk(message, &[]).await
+        self.send_with_bulk(message, [].as_slice()).await
     }
 
+    /// The bulk bytes, in one piece or several, are not copied.
+    ///
     /// # Errors
     /// As [`Self::send`].
-    pub async fn send_with_bulk(&mut self, message: &M, bulk: &[u8]) -> Result<(), ConnectionError> {
+    pub async fn send_with_bulk(&mut self, message: &M, bulk: impl Buf) -> Result<(), ConnectionError> {
         self.buffer.clear();
-        codec::encode_into(message, &mut self.buffer, |out| out.extend_from_slice(bulk))
+        codec::encode_head(message, bulk.remaining(), &mut self.buffer)
             .map_err(|error| Fault::from(error).of(&self.peer))?;
-        write_frame(&mut self.writer, &self.buffer, WRITE_DEADLINE).await.map_err(|fault| fault.of(&self.peer))?;
-        self.wire_bytes += self.buffer.len() as u64;
+        let bytes = self.buffer.len() + bulk.remaining();
+        let frame = self.buffer.as_slice().chain(bulk);
+        write_frame(&mut self.writer, frame, WRITE_DEADLINE).await.map_err(|fault| fault.of(&self.peer))?;
+        self.wire_bytes += bytes as u64;
         Ok(())
     }
 
@@ -210,8 +214,8 @@ impl<M: Message> Sender<M> {
     }
 }
 
-async fn write_frame(writer: &mut OwnedWriteHalf, frame: &[u8], deadline: Duration) -> Result<(), Fault> {
-    match timeout(deadline, writer.write_all(frame)).await {
+async fn write_frame(writer: &mut OwnedWriteHalf, mut frame: impl Buf, deadline: Duration) -> Result<(), Fault> {
+    match timeout(deadline, writer.write_all_buf(&mut frame)).await {
         Ok(written) => Ok(written?),
         Err(_) => Err(Fault::Stuck { deadline }),
     }

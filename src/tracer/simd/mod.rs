@@ -9,9 +9,11 @@ use std::fmt;
 use std::str::FromStr;
 
 use lanes::{Doubles, Pair, Singles};
+use serde::{Deserialize, Serialize};
 
 /// A set of vector instructions, from the least to the most.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Simd {
     /// None: plain code, on every processor.
     Scalar,
