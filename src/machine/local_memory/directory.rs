@@ -72,6 +72,18 @@ impl<R: Replacement> Directory<R> {
         Some(slot)
     }
 
+    /// References a line and the next one if both are in the memory, and tells their slots; else changes nothing.
+    ///
+    /// # Panics
+    /// `line` and the next one are not below the geometry's `image_lines`.
+    #[inline(always)]
+    pub fn reference_two_if_present(&mut self, line: u32) -> Option<[u32; 2]> {
+        let two: [u32; 2] = self.slots[line as usize..][..2].try_into().ok()?;
+        let slots = [two[0].checked_sub(1)?, two[1].checked_sub(1)?];
+        slots.iter().for_each(|&slot| self.replacement.hit(slot));
+        Some(slots)
+    }
+
     /// Whether this slot holds this line.
     pub fn holds(&self, slot: u32, line: u32) -> bool {
         self.slots[line as usize] == slot + 1
@@ -128,6 +140,8 @@ mod tests {
         assert_eq!(directory.reference(3), Reference::Miss { slot: 0, evicted: None });
         assert_eq!(directory.reference(0), Reference::Miss { slot: 1, evicted: None });
         assert_eq!(directory.reference_if_present(3), Some(0));
+        assert_eq!(directory.reference_two_if_present(0), None);
+        assert_eq!(directory.reference_two_if_present(2), None);
         assert_eq!(directory.reference(1), Reference::Miss { slot: 1, evicted: Some(0) });
     }
 

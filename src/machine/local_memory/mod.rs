@@ -16,7 +16,7 @@ pub use source::LineSource;
 use bytemuck::Pod;
 
 use super::replacement::Replacement;
-use super::stats::{CLASSES, MemoryStats, octree_class, section_class};
+use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
 use super::transaction::FetchRequest;
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
@@ -26,6 +26,8 @@ use crate::tracer::{MemoryPort, RayKind};
 
 /// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.
 const RECORD_LINES_MAX: usize = 4;
+/// Bytes of the largest record, a material.
+const RECORD_BYTES_MAX: usize = size_of::<Material>();
 
 /// Why a record cannot be read. The record is lost to the tile; the memory can still be used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
@@ -50,7 +52,7 @@ struct Place {
 #[derive(Debug)]
 pub struct LocalMemory<R, S> {
     directory: Directory<R>,
-    /// The lines by slot.
+    /// The lines by slot, with a record's bytes before and after them, which may be read but do not count.
     data: Vec<u8>,
     /// The line's bytes are 2 to this power.
     line_shift: u32,
@@ -85,7 +87,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         };
         Self {
             directory: Directory::new(geometry, seed),
-            data: vec![0; geometry.local_bytes() as usize],
+            data: vec![0; geometry.local_bytes() as usize + 2 * RECORD_BYTES_MAX],
             line_shift: geometry.line_bytes.trailing_zeros(),
             offset_mask: u64::from(geometry.line_bytes) - 1,
             places: Section::ALL.map(place),
@@ -132,19 +134,37 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         let offset = (start & self.offset_mask) as usize;
         // Sections start on lines, and lines are of at least 16 bytes: such a record never lies in two.
         let divides_lines = const { 16 % size_of::<T>() == 0 };
-        if (divides_lines || offset + size_of::<T>() <= self.offset_mask as usize + 1)
-            && let Some(slot) = self.directory.reference_if_present(line)
+        let in_line = self.offset_mask as usize + 1 - offset;
+        if divides_lines || size_of::<T>() <= in_line {
+            if let Some(slot) = self.directory.reference_if_present(line) {
+                self.hits[self.ray_kind as usize][class] += 1;
+                let from = RECORD_BYTES_MAX + ((slot as usize) << self.line_shift) + offset;
+                return Ok(bytemuck::pod_read_unaligned(&self.data[from..from + size_of::<T>()]));
+            }
+        } else if size_of::<T>() <= self.offset_mask as usize + 1
+            && let Some([first, second]) = self.directory.reference_two_if_present(line)
         {
-            self.hits[self.ray_kind as usize][class] += 1;
-            let from = ((slot as usize) << self.line_shift) + offset;
-            return Ok(bytemuck::pod_read_unaligned(&self.data[from..from + size_of::<T>()]));
+            self.count(class, 2);
+            let first = RECORD_BYTES_MAX + ((first as usize) << self.line_shift) + offset;
+            let second = RECORD_BYTES_MAX + ((second as usize) << self.line_shift) - in_line;
+            let read = |from: usize| &self.data[from..from + size_of::<T>()];
+            return Ok(join(read(first), read(second), in_line));
         }
         let mut record = T::zeroed();
         self.gather(section, start, class, bytemuck::bytes_of_mut(&mut record))?;
         Ok(record)
     }
 
-    /// Reads a record that lies in several lines, or that is missing.
+    #[inline(always)]
+    fn count(&mut self, class: usize, lines: u32) -> &mut Counters {
+        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
+        self.accesses += 1;
+        counters.record_accesses += 1;
+        counters.line_accesses += u64::from(lines);
+        counters
+    }
+
+    /// Reads a record that is missing, or that lies in more than two lines.
     #[inline(never)]
     fn gather(
         &mut self,
@@ -161,16 +181,13 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             match self.directory.reference(line) {
                 Reference::Hit { slot } => {
                     // Copied at once: a later line of this record may drive this one out.
-                    let from = (slot as usize) << shift;
+                    let from = RECORD_BYTES_MAX + ((slot as usize) << shift);
                     copy_overlap(&self.data[from..from + (1 << shift)], u64::from(line) << shift, record, start);
                 }
                 Reference::Miss { slot, .. } => missing.add(line, slot),
             }
         }
-        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
-        self.accesses += 1;
-        counters.record_accesses += 1;
-        counters.line_accesses += u64::from(last - first + 1);
+        let counters = self.count(class, last - first + 1);
         if missing.mask == 0 {
             return Ok(());
         }
@@ -196,7 +213,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         for ((line, slot), bytes) in missing.lines().zip(fetched.chunks_exact(line_bytes)) {
             copy_overlap(bytes, u64::from(line) << self.line_shift, record, start);
             if self.directory.holds(slot, line) {
-                let to = (slot as usize) << self.line_shift;
+                let to = RECORD_BYTES_MAX + ((slot as usize) << self.line_shift);
                 self.data[to..to + line_bytes].copy_from_slice(bytes);
             }
         }
@@ -237,6 +254,17 @@ impl Missing {
             accesses_before,
         }
     }
+}
+
+/// The first `split` bytes of one record and the rest of another, word by word since that needs no branch.
+#[inline(always)]
+fn join<T: Pod>(first: &[u8], second: &[u8], split: usize) -> T {
+    let mut record = T::zeroed();
+    let words = bytemuck::bytes_of_mut(&mut record).chunks_exact_mut(4);
+    for (i, (word, (a, b))) in words.zip(first.chunks_exact(4).zip(second.chunks_exact(4))).enumerate() {
+        word.copy_from_slice(if 4 * i < split { a } else { b });
+    }
+    record
 }
 
 /// Copies what a line and a record have in common; both are given with their place in the image.
@@ -308,7 +336,6 @@ mod tests {
     use super::*;
     use crate::machine::cluster_memory::{AccessError, ClusterMemory};
     use crate::machine::replacement::{Clock, Fifo, Lru, Random};
-    use crate::machine::stats::Counters;
     use crate::topology::{self, MemorySize};
 
     /// Records of each section; 40 materials of 48 bytes, and so on.
