@@ -7,6 +7,7 @@
 
 mod directory;
 mod geometry;
+mod missing;
 mod source;
 
 pub use directory::{Directory, Reference};
@@ -14,13 +15,12 @@ pub use geometry::{Geometry, GeometryError, LINES_MIN};
 pub use source::LineSource;
 
 use bytemuck::Pod;
+use missing::{Missing, copy_overlap};
 
 use super::replacement::Replacement;
 use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
-use super::transaction::FetchRequest;
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
-use crate::ids::Address;
 use crate::tracer::stats::MAX_DEPTH;
 use crate::tracer::{MemoryPort, RayKind};
 
@@ -198,7 +198,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     ) -> Result<(), MemoryError<S::Error>> {
         let shift = self.line_shift;
         let (first, last) = (start >> shift, (start + record.len() as u32 - 1) >> shift);
-        let mut missing = Missing { section, first, mask: 0, slots: [0; RECORD_LINES_MAX] };
+        let mut missing = Missing::new(section, first);
         for line in first..=last {
             match self.directory.reference(line) {
                 Reference::Hit { slot } => {
@@ -209,11 +209,11 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             }
         }
         let counters = self.count(class, last - first + 1);
-        if missing.mask == 0 {
+        if missing.is_empty() {
             return Ok(());
         }
         counters.record_misses += 1;
-        counters.line_misses += u64::from(missing.mask.count_ones());
+        counters.line_misses += u64::from(missing.count());
         self.fetch(&missing, start, record)
     }
 
@@ -242,41 +242,6 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     }
 }
 
-/// The missing lines of one record.
-struct Missing {
-    section: Section,
-    /// The record's first line, missing or not.
-    first: u32,
-    /// Bit i: line `first + i` is missing.
-    mask: u32,
-    /// By i, the slot that the line was given.
-    slots: [u32; RECORD_LINES_MAX],
-}
-
-impl Missing {
-    fn add(&mut self, line: u32, slot: u32) {
-        let i = line - self.first;
-        self.mask |= 1 << i;
-        self.slots[i as usize] = slot;
-    }
-
-    /// Each with its slot, in ascending order.
-    fn lines(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        (self.first..).zip(self.slots).enumerate().filter(|(i, _)| self.mask >> i & 1 == 1).map(|(_, line)| line)
-    }
-
-    fn request(&self, line_shift: u32, accesses_before: u64) -> FetchRequest {
-        let skipped = self.mask.trailing_zeros();
-        FetchRequest {
-            section: self.section,
-            address: Address((u64::from(self.first + skipped) << line_shift) * WORD as u64),
-            line_bytes: (WORD as u32) << line_shift,
-            lines: self.mask >> skipped,
-            accesses_before,
-        }
-    }
-}
-
 /// The first `split` words of one record and the rest of another, word by word since that needs no branch.
 #[inline(always)]
 fn join<T: Pod>(first: &[u32], second: &[u32], split: u32) -> T {
@@ -286,14 +251,6 @@ fn join<T: Pod>(first: &[u32], second: &[u32], split: u32) -> T {
         words[i] = if (i as u32) < split { first[i] } else { second[i] };
     }
     record
-}
-
-/// Copies what a line and a record have in common; both are given with their place in the image.
-fn copy_overlap(line: &[u32], line_start: u32, record: &mut [u32], record_start: u32) {
-    let from = line_start.max(record_start);
-    let to = (line_start + line.len() as u32).min(record_start + record.len() as u32);
-    let within = |start: u32| (from - start) as usize..(to - start) as usize;
-    record[within(record_start)].copy_from_slice(&line[within(line_start)]);
 }
 
 impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
@@ -355,8 +312,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::ids::Address;
     use crate::machine::cluster_memory::{AccessError, ClusterMemory};
     use crate::machine::replacement::{Clock, Fifo, Lru, Random};
+    use crate::machine::transaction::FetchRequest;
     use crate::topology::{self, MemorySize};
 
     /// Records of each section; 40 materials of 48 bytes, and so on.
