@@ -141,7 +141,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         let line = start >> self.line_shift;
         let in_line = self.offset_mask + 1 - (start & self.offset_mask);
         // Sections start on lines, and lines are of at least four words: such a record never lies in two.
-        let divides_lines = const { 4 * WORD % size_of::<T>() == 0 };
+        let divides_lines = const { (4 * WORD).is_multiple_of(size_of::<T>()) };
         // The data are read before anything is written, so that nothing has to be loaded twice.
         if divides_lines || words <= in_line {
             if let Some(slot) = self.directory.slot(line) {
