@@ -55,21 +55,24 @@ impl<R: Replacement> Directory<R> {
     /// `line` is not below the geometry's `image_lines`.
     #[inline(always)]
     pub fn reference(&mut self, line: u32) -> Reference {
-        match self.reference_if_present(line) {
-            Some(slot) => Reference::Hit { slot },
-            None => self.fill(line),
-        }
+        let Some(slot) = self.slot(line) else { return self.fill(line) };
+        self.hit(slot);
+        Reference::Hit { slot }
     }
 
-    /// References a line if it is in the memory, and tells its slot; else changes nothing.
+    /// The slot of a line that is in the memory. What is read there is a reference: [`Self::hit`] is to follow.
     ///
     /// # Panics
     /// `line` is not below the geometry's `image_lines`.
     #[inline(always)]
-    pub fn reference_if_present(&mut self, line: u32) -> Option<u32> {
-        let slot = self.slots[line as usize].checked_sub(1)?;
+    pub fn slot(&self, line: u32) -> Option<u32> {
+        self.slots[line as usize].checked_sub(1)
+    }
+
+    /// References the line that is in this slot.
+    #[inline(always)]
+    pub fn hit(&mut self, slot: u32) {
         self.replacement.hit(slot);
-        Some(slot)
     }
 
     /// Whether this slot holds this line.
@@ -124,10 +127,11 @@ mod tests {
     fn an_absent_line_is_not_brought_in_by_asking() {
         let geometry = Geometry { line_bytes: 16, image_lines: 4, sets: 1, ways: 2 };
         let mut directory = Directory::<Lru>::new(geometry, 0);
-        assert_eq!(directory.reference_if_present(3), None);
+        assert_eq!(directory.slot(3), None);
         assert_eq!(directory.reference(3), Reference::Miss { slot: 0, evicted: None });
         assert_eq!(directory.reference(0), Reference::Miss { slot: 1, evicted: None });
-        assert_eq!(directory.reference_if_present(3), Some(0));
+        assert_eq!(directory.slot(3), Some(0));
+        directory.hit(0);
         assert_eq!(directory.reference(1), Reference::Miss { slot: 1, evicted: Some(0) });
     }
 

@@ -7,6 +7,7 @@
 
 mod directory;
 mod geometry;
+mod missing;
 mod source;
 
 pub use directory::{Directory, Reference};
@@ -14,18 +15,21 @@ pub use geometry::{Geometry, GeometryError, LINES_MIN};
 pub use source::LineSource;
 
 use bytemuck::Pod;
+use missing::{Missing, copy_overlap};
 
 use super::replacement::Replacement;
-use super::stats::{CLASSES, MemoryStats, octree_class, section_class};
-use super::transaction::FetchRequest;
+use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
-use crate::ids::Address;
 use crate::tracer::stats::MAX_DEPTH;
 use crate::tracer::{MemoryPort, RayKind};
 
 /// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.
 const RECORD_LINES_MAX: usize = 4;
+/// Bytes of a word: all records are made of whole ones.
+const WORD: usize = size_of::<u32>();
+/// Words of the largest record, a material.
+const RECORD_WORDS_MAX: u32 = (size_of::<Material>() / WORD) as u32;
 
 /// Why a record cannot be read. The record is lost to the tile; the memory can still be used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
@@ -41,28 +45,28 @@ pub enum MemoryError<E> {
 /// Where a section's records lie.
 #[derive(Clone, Copy, Debug, Default)]
 struct Place {
-    /// Bytes from the start of the image.
-    base: u64,
-    records: u64,
+    /// Words from the start of the image.
+    base: u32,
+    records: u32,
 }
 
 /// Tags, data and counters of a local memory with replacement policy `R`, filled from `S`.
 #[derive(Debug)]
 pub struct LocalMemory<R, S> {
     directory: Directory<R>,
-    /// The lines by slot.
-    data: Vec<u8>,
-    /// The line's bytes are 2 to this power.
+    /// The lines' words by slot, with a record's before and after them, which may be read but do not count.
+    data: Vec<u32>,
+    /// The line's words are 2 to this power.
     line_shift: u32,
-    /// The bits of an address that tell the place in a line.
-    offset_mask: u64,
+    /// The bits of a word's address that tell the place in a line.
+    offset_mask: u32,
     places: [Place; Section::COUNT],
     source: S,
     /// Fetched lines, on their way to the record and to their slots.
-    fetched: Vec<u8>,
+    fetched: Vec<u32>,
     ray_kind: RayKind,
     /// Records found at once in one line: all that a hit counts. The others are in `stats`.
-    hits: [[u64; CLASSES]; RayKind::COUNT],
+    hits: [[u64; RayKind::COUNT]; CLASSES],
     stats: MemoryStats,
     /// Record accesses since the memory was made, without the `hits` of now.
     accesses: u64,
@@ -81,18 +85,20 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
         );
         let place = |section| {
             let span = layout.span(section);
-            Place { base: span.base.0, records: span.records }
+            // An image is of at most 2³² bytes, so that its words can be counted.
+            Place { base: (span.base.0 / WORD as u64) as u32, records: span.records as u32 }
         };
+        let line_words = geometry.line_bytes / WORD as u32;
         Self {
             directory: Directory::new(geometry, seed),
-            data: vec![0; geometry.local_bytes() as usize],
-            line_shift: geometry.line_bytes.trailing_zeros(),
-            offset_mask: u64::from(geometry.line_bytes) - 1,
+            data: vec![0; geometry.local_bytes() as usize / WORD + 2 * RECORD_WORDS_MAX as usize],
+            line_shift: line_words.trailing_zeros(),
+            offset_mask: line_words - 1,
             places: Section::ALL.map(place),
             source,
-            fetched: vec![0; RECORD_LINES_MAX * geometry.line_bytes as usize],
+            fetched: vec![0; RECORD_LINES_MAX * line_words as usize],
             ray_kind: RayKind::Primary,
-            hits: [[0; CLASSES]; RayKind::COUNT],
+            hits: [[0; RayKind::COUNT]; CLASSES],
             stats: MemoryStats::default(),
             accesses: 0,
         }
@@ -104,10 +110,13 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
 
     /// The counts since the last call: those of one tile, when called between tiles.
     pub fn take_stats(&mut self) -> MemoryStats {
-        for (counters, hits) in self.stats.counters.as_flattened_mut().iter_mut().zip(self.hits.as_flattened_mut()) {
-            counters.record_accesses += *hits;
-            counters.line_accesses += *hits;
-            self.accesses += std::mem::take(hits);
+        for (kind, counters) in self.stats.counters.iter_mut().enumerate() {
+            for (counters, hits) in counters.iter_mut().zip(&mut self.hits) {
+                let hits = std::mem::take(&mut hits[kind]);
+                counters.record_accesses += hits;
+                counters.line_accesses += hits;
+                self.accesses += hits;
+            }
         }
         std::mem::take(&mut self.stats)
     }
@@ -124,127 +133,124 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     #[inline(always)]
     fn record<T: Pod>(&mut self, section: Section, index: u32, class: usize) -> Result<T, MemoryError<S::Error>> {
         let place = self.places[section as usize];
-        if u64::from(index) >= place.records {
+        if index >= place.records {
             return Err(MemoryError::OutOfRange { section, index });
         }
-        let start = place.base + u64::from(index) * size_of::<T>() as u64;
-        let line = (start >> self.line_shift) as u32;
-        let offset = (start & self.offset_mask) as usize;
-        // Sections start on lines, and lines are of at least 16 bytes: such a record never lies in two.
-        let divides_lines = const { 16 % size_of::<T>() == 0 };
-        if (divides_lines || offset + size_of::<T>() <= self.offset_mask as usize + 1)
-            && let Some(slot) = self.directory.reference_if_present(line)
+        let words = const { (size_of::<T>() / WORD) as u32 };
+        let start = place.base.wrapping_add(index.wrapping_mul(words));
+        let line = start >> self.line_shift;
+        let in_line = self.offset_mask + 1 - (start & self.offset_mask);
+        // Sections start on lines, and lines are of at least four words: such a record never lies in two.
+        let divides_lines = const { (4 * WORD).is_multiple_of(size_of::<T>()) };
+        // The data are read before anything is written, so that nothing has to be loaded twice.
+        if divides_lines || words <= in_line {
+            if let Some(slot) = self.directory.slot(line) {
+                let record = bytemuck::pod_read_unaligned(bytemuck::cast_slice(self.read(slot, start, words)));
+                self.directory.hit(slot);
+                self.hits[class][self.ray_kind as usize] += 1;
+                return Ok(record);
+            }
+        } else if words <= self.offset_mask + 1
+            && let (Some(first), Some(second)) = (self.directory.slot(line), self.directory.slot(line + 1))
         {
-            self.hits[self.ray_kind as usize][class] += 1;
-            let from = ((slot as usize) << self.line_shift) + offset;
-            return Ok(bytemuck::pod_read_unaligned(&self.data[from..from + size_of::<T>()]));
+            let record = join(self.read(first, start, words), self.read_up_to(second, in_line, words), in_line);
+            self.directory.hit(first);
+            self.directory.hit(second);
+            self.count(class, 2);
+            return Ok(record);
         }
         let mut record = T::zeroed();
-        self.gather(section, start, class, bytemuck::bytes_of_mut(&mut record))?;
+        self.gather(section, start, class, bytemuck::cast_slice_mut(std::slice::from_mut(&mut record)))?;
         Ok(record)
     }
 
-    /// Reads a record that lies in several lines, or that is missing.
+    /// So many words from the place of the word `start` in this slot.
+    #[inline(always)]
+    fn read(&self, slot: u32, start: u32, words: u32) -> &[u32] {
+        let from = RECORD_WORDS_MAX + (slot << self.line_shift) + (start & self.offset_mask);
+        &self.data[from as usize..from as usize + words as usize]
+    }
+
+    /// So many words, of which the slot's first is the one after `before` others.
+    #[inline(always)]
+    fn read_up_to(&self, slot: u32, before: u32, words: u32) -> &[u32] {
+        let from = RECORD_WORDS_MAX + (slot << self.line_shift) - before;
+        &self.data[from as usize..from as usize + words as usize]
+    }
+
+    #[inline(always)]
+    fn count(&mut self, class: usize, lines: u32) -> &mut Counters {
+        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
+        self.accesses += 1;
+        counters.record_accesses += 1;
+        counters.line_accesses += u64::from(lines);
+        counters
+    }
+
+    /// Reads a record that is missing, or that lies in more than two lines.
     #[inline(never)]
     fn gather(
         &mut self,
         section: Section,
-        start: u64,
+        start: u32,
         class: usize,
-        record: &mut [u8],
+        record: &mut [u32],
     ) -> Result<(), MemoryError<S::Error>> {
         let shift = self.line_shift;
-        let first = (start >> shift) as u32;
-        let last = ((start + record.len() as u64 - 1) >> shift) as u32;
-        let mut missing = Missing { section, first, mask: 0, slots: [0; RECORD_LINES_MAX] };
+        let (first, last) = (start >> shift, (start + record.len() as u32 - 1) >> shift);
+        let mut missing = Missing::new(section, first);
         for line in first..=last {
             match self.directory.reference(line) {
                 Reference::Hit { slot } => {
                     // Copied at once: a later line of this record may drive this one out.
-                    let from = (slot as usize) << shift;
-                    copy_overlap(&self.data[from..from + (1 << shift)], u64::from(line) << shift, record, start);
+                    copy_overlap(self.read(slot, 0, 1 << shift), line << shift, record, start);
                 }
                 Reference::Miss { slot, .. } => missing.add(line, slot),
             }
         }
-        let counters = &mut self.stats.counters[self.ray_kind as usize][class];
-        self.accesses += 1;
-        counters.record_accesses += 1;
-        counters.line_accesses += u64::from(last - first + 1);
-        if missing.mask == 0 {
+        let counters = self.count(class, last - first + 1);
+        if missing.is_empty() {
             return Ok(());
         }
         counters.record_misses += 1;
-        counters.line_misses += u64::from(missing.mask.count_ones());
+        counters.line_misses += u64::from(missing.count());
         self.fetch(&missing, start, record)
     }
 
     /// Fetches the missing lines of a record as one transaction.
     #[cold]
     #[inline(never)]
-    fn fetch(&mut self, missing: &Missing, start: u64, record: &mut [u8]) -> Result<(), MemoryError<S::Error>> {
-        let line_bytes = 1usize << self.line_shift;
+    fn fetch(&mut self, missing: &Missing, start: u32, record: &mut [u32]) -> Result<(), MemoryError<S::Error>> {
+        let line_words = 1usize << self.line_shift;
         // This access is counted already, and is not before itself.
         let accesses = self.accesses + self.hits.as_flattened().iter().sum::<u64>();
         let request = missing.request(self.line_shift, accesses - 1);
-        let fetched = &mut self.fetched[..request.bytes() as usize];
-        if let Err(error) = self.source.fetch(&request, fetched) {
+        let fetched = &mut self.fetched[..request.bytes() as usize / WORD];
+        if let Err(error) = self.source.fetch(&request, bytemuck::cast_slice_mut(fetched)) {
             // The directory counts the lines as present already, but their data never came.
             self.directory.clear();
             return Err(MemoryError::Source(error));
         }
-        for ((line, slot), bytes) in missing.lines().zip(fetched.chunks_exact(line_bytes)) {
-            copy_overlap(bytes, u64::from(line) << self.line_shift, record, start);
+        for ((line, slot), words) in missing.lines().zip(fetched.chunks_exact(line_words)) {
+            copy_overlap(words, line << self.line_shift, record, start);
             if self.directory.holds(slot, line) {
-                let to = (slot as usize) << self.line_shift;
-                self.data[to..to + line_bytes].copy_from_slice(bytes);
+                let to = (RECORD_WORDS_MAX + (slot << self.line_shift)) as usize;
+                self.data[to..to + line_words].copy_from_slice(words);
             }
         }
         Ok(())
     }
 }
 
-/// The missing lines of one record.
-struct Missing {
-    section: Section,
-    /// The record's first line, missing or not.
-    first: u32,
-    /// Bit i: line `first + i` is missing.
-    mask: u32,
-    /// By i, the slot that the line was given.
-    slots: [u32; RECORD_LINES_MAX],
-}
-
-impl Missing {
-    fn add(&mut self, line: u32, slot: u32) {
-        let i = line - self.first;
-        self.mask |= 1 << i;
-        self.slots[i as usize] = slot;
+/// The first `split` words of one record and the rest of another, word by word since that needs no branch.
+#[inline(always)]
+fn join<T: Pod>(first: &[u32], second: &[u32], split: u32) -> T {
+    let mut record = T::zeroed();
+    let words: &mut [u32] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut record));
+    for i in 0..words.len() {
+        words[i] = if (i as u32) < split { first[i] } else { second[i] };
     }
-
-    /// Each with its slot, in ascending order.
-    fn lines(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        (self.first..).zip(self.slots).enumerate().filter(|(i, _)| self.mask >> i & 1 == 1).map(|(_, line)| line)
-    }
-
-    fn request(&self, line_shift: u32, accesses_before: u64) -> FetchRequest {
-        let skipped = self.mask.trailing_zeros();
-        FetchRequest {
-            section: self.section,
-            address: Address(u64::from(self.first + skipped) << line_shift),
-            line_bytes: 1 << line_shift,
-            lines: self.mask >> skipped,
-            accesses_before,
-        }
-    }
-}
-
-/// Copies what a line and a record have in common; both are given with their place in the image.
-fn copy_overlap(line: &[u8], line_start: u64, record: &mut [u8], record_start: u64) {
-    let from = line_start.max(record_start);
-    let to = (line_start + line.len() as u64).min(record_start + record.len() as u64);
-    let within = |start: u64| (from - start) as usize..(to - start) as usize;
-    record[within(record_start)].copy_from_slice(&line[within(line_start)]);
+    record
 }
 
 impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
@@ -306,9 +312,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::ids::Address;
     use crate::machine::cluster_memory::{AccessError, ClusterMemory};
     use crate::machine::replacement::{Clock, Fifo, Lru, Random};
-    use crate::machine::stats::Counters;
+    use crate::machine::transaction::FetchRequest;
     use crate::topology::{self, MemorySize};
 
     /// Records of each section; 40 materials of 48 bytes, and so on.

@@ -2,84 +2,69 @@
 
 use super::Replacement;
 
-/// No slot.
-const NONE: u32 = u32::MAX;
-
-/// The victim is the line that was not referenced for the longest time: a list of slots a set, from the
-/// newest to the oldest, linked within one array.
+/// The victim is the line that was not referenced for the longest time.
+///
+/// A reference only writes down when it was. The slots of a full set are put in the order of their times at the first
+/// victim, and again when all have had their turn: whatever was referenced since is newer than all of these, and is
+/// passed over. Each slot in that order stands for one reference at least, to it or that filled it, so that ordering
+/// costs O(log ways) a reference, and much less where lines are referenced often.
 #[derive(Debug)]
 pub struct Lru {
     ways: u32,
-    links: Vec<Link>,
-    sets: Vec<Ends>,
+    now: u64,
+    /// By slot, when its line was referenced last.
+    referenced: Vec<u64>,
+    /// By set, its slots from the oldest to the newest as they were when they were ordered.
+    order: Vec<u32>,
+    sets: Vec<Turn>,
 }
 
-/// The neighbours of a slot in its set's list.
+/// Where a set stands in its order.
 #[derive(Clone, Copy, Debug)]
-struct Link {
-    newer: u32,
-    older: u32,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Ends {
-    newest: u32,
-    oldest: u32,
+struct Turn {
+    /// The next way of the order to be looked at; the number of ways if none is left.
+    next: u32,
+    /// When the order was made.
+    ordered: u64,
 }
 
 impl Replacement for Lru {
     fn new(sets: u32, ways: u32, _seed: u64) -> Self {
+        let slots = sets * ways;
         Self {
             ways,
-            links: vec![Link { newer: NONE, older: NONE }; sets as usize * ways as usize],
-            sets: vec![Ends { newest: NONE, oldest: NONE }; sets as usize],
+            now: 0,
+            referenced: vec![0; slots as usize],
+            order: (0..slots).collect(),
+            sets: vec![Turn { next: ways, ordered: 0 }; sets as usize],
         }
     }
 
     #[inline(always)]
     fn hit(&mut self, slot: u32) {
-        // A ray reads neighbouring records: most hits are of the newest line, and change nothing.
-        if self.links[slot as usize].newer != NONE {
-            let set = slot / self.ways;
-            self.unlink(slot, set);
-            self.push(slot, set);
-        }
+        self.now += 1;
+        self.referenced[slot as usize] = self.now;
     }
 
     fn victim(&mut self, set: u32) -> u32 {
-        let oldest = self.sets[set as usize].oldest;
-        self.unlink(oldest, set);
-        oldest
+        let first = set as usize * self.ways as usize;
+        let order = &mut self.order[first..first + self.ways as usize];
+        let turn = &mut self.sets[set as usize];
+        loop {
+            if turn.next == self.ways {
+                order.sort_unstable_by_key(|&slot| self.referenced[slot as usize]);
+                *turn = Turn { next: 0, ordered: self.now };
+            }
+            let slot = order[turn.next as usize];
+            turn.next += 1;
+            if self.referenced[slot as usize] <= turn.ordered {
+                return slot;
+            }
+        }
     }
 
     fn fill(&mut self, slot: u32) {
-        self.push(slot, slot / self.ways);
-    }
-}
-
-impl Lru {
-    fn unlink(&mut self, slot: u32, set: u32) {
-        let Link { newer, older } = self.links[slot as usize];
-        let ends = &mut self.sets[set as usize];
-        match newer {
-            NONE => ends.newest = older,
-            newer => self.links[newer as usize].older = older,
-        }
-        match older {
-            NONE => ends.oldest = newer,
-            older => self.links[older as usize].newer = newer,
-        }
-    }
-
-    /// Makes an unlinked slot the newest of its set.
-    fn push(&mut self, slot: u32, set: u32) {
-        let ends = &mut self.sets[set as usize];
-        let older = std::mem::replace(&mut ends.newest, slot);
-        match older {
-            NONE => ends.oldest = slot,
-            older => self.links[older as usize].newer = slot,
-        }
-        self.links[slot as usize] = Link { newer: NONE, older };
+        self.hit(slot);
     }
 }
 

@@ -1,4 +1,5 @@
-//! Which line of a full set gives way. Every operation is O(1), amortised for clock.
+//! Which line of a full set gives way. A hit is O(1); a victim is too,
+//! amortised over references, but for LRU's logarithm.
 
 mod clock;
 mod fifo;
