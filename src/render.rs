@@ -2,8 +2,8 @@
 //! way to render, and the fastest on one machine.
 
 use std::convert::Infallible;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use nix::time::{ClockId, clock_gettime};
@@ -20,6 +20,9 @@ use crate::tracer::{AovSet, Pixels, Rect, TileTracer, Tiling, TraceStats, View};
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
 const TILE: u32 = 32;
+
+/// Tiles that a thread keeps while another one writes into the frame.
+const KEPT: usize = 16;
 
 /// What traces. The image is the same.
 #[derive(Clone, Copy, Debug)]
@@ -68,14 +71,18 @@ pub fn render(
     let worker = || {
         let cpu_at_start = thread_cpu();
         let mut tracer = Tracer::new(database, view, settings.kernel);
-        let mut stats = TraceStats::default();
+        let (mut stats, mut finished) = (TraceStats::default(), Vec::with_capacity(KEPT));
         while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
             let (pixels, counts) = tracer.trace(rect, settings.aov);
             stats.add(&counts);
             rays.fetch_add(counts.all_rays(), Ordering::Relaxed);
-            let mut whole = frame.lock().expect("no thread panics while it holds the frame");
-            whole.blit(rect, &pixels).expect("a tile of this very image");
-            drop(whole);
+            finished.push((rect, pixels));
+            // Whoever finds the frame taken keeps its tiles until it is free, or until they are many.
+            match frame.try_lock() {
+                Ok(whole) => put(whole, &mut finished),
+                Err(_) if finished.len() == KEPT => put(lock(&frame), &mut finished),
+                Err(_) => {}
+            }
             on_tile(&Status {
                 tiles_done: done.fetch_add(1, Ordering::Relaxed) + 1,
                 tiles: tiling.tile_count(),
@@ -83,6 +90,7 @@ pub fn render(
                 elapsed: Some(start.elapsed()),
             });
         }
+        put(lock(&frame), &mut finished);
         (stats, thread_cpu().saturating_sub(cpu_at_start))
     };
     let (mut stats, mut cpu) = (TraceStats::default(), Duration::ZERO);
@@ -96,6 +104,16 @@ pub fn render(
     });
     let wall = start.elapsed();
     Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
+}
+
+fn lock(frame: &Mutex<FrameBuffer>) -> MutexGuard<'_, FrameBuffer> {
+    frame.lock().expect("no thread panics while it holds the frame")
+}
+
+fn put(mut frame: MutexGuard<'_, FrameBuffer>, finished: &mut Vec<(Rect, Pixels)>) {
+    for (rect, pixels) in finished.drain(..) {
+        frame.blit(rect, &pixels).expect("a tile of this very image");
+    }
 }
 
 /// One thread's tracer.
