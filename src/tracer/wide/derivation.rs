@@ -53,7 +53,7 @@ struct Item {
 }
 
 /// Levels that a code tells apart.
-const LEVELS: u32 = 21;
+pub(super) const LEVELS: u32 = 21;
 
 struct Derivation<'a> {
     boxes: Boxes<'a>,

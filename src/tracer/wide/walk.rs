@@ -1,6 +1,7 @@
 //! Packets through the octree, front to back: a branch's children are first held against what all rays lie within,
 //! then against each ray; where few rays are left they go on one by one, with the children side by side instead.
 
+use super::derivation::LEVELS;
 use super::octree::{Block, Branch, Child, WideOctree};
 use super::packet::{LANES, Packet};
 use super::primitives::Primitives;
@@ -18,8 +19,9 @@ const MARGIN: f32 = 1.0 / (1 << 23) as f32;
 /// At most so many rays go on one by one.
 const FEW: u32 = 2;
 
-/// Seven children of every level wait at most.
-const STACK: usize = 7 * crate::tracer::stats::LEVELS + 8;
+/// Seven children of every level wait at most, and the root: the octree is no deeper than the codes it is made from. So
+/// `waiting < STACK` below always holds; it spares a check that could panic.
+const STACK: usize = 7 * LEVELS as usize + 8;
 
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
