@@ -4,6 +4,7 @@
 pub mod hit;
 pub mod memory_port;
 pub mod octree;
+pub mod optics;
 pub mod power;
 pub mod primary;
 pub mod primitives;

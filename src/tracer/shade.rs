@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
+use super::optics::{facing, mirrored, refract};
 use super::power::power;
 use super::ray::Ray;
 use super::stats::TraceStats;
@@ -102,8 +103,9 @@ impl Shader {
         let surface = port.surface(hit.primitive.0)?;
         let material = port.material(surface.material)?;
         let incoming = ray.direction_f64();
-        let normal = facing(shading_normal(port, hit, point, surface)?, incoming);
-        let mirrored = incoming - normal * (2.0 * incoming.dot(normal));
+        let normal = shading_normal(port, hit, point, surface)?;
+        let normal = DVec3::from(facing(normal.to_array(), incoming.to_array()));
+        let mirrored = DVec3::from(mirrored(incoming.to_array(), normal.to_array()));
         let mut radiance = self.local(port, point, normal, mirrored, &material, stats)?;
         if ancestry.bounces == self.depth {
             return Ok(radiance);
@@ -174,11 +176,6 @@ fn highlight(material: &Material, cosine: f32) -> Vec3 {
     }
 }
 
-/// Turned to the side that the ray comes from.
-fn facing(normal: DVec3, incoming: DVec3) -> DVec3 {
-    if incoming.dot(normal) > 0.0 { -normal } else { normal }
-}
-
 fn shading_normal<M: MemoryPort>(
     port: &mut M,
     hit: &Hit,
@@ -191,17 +188,4 @@ fn shading_normal<M: MemoryPort>(
     }
     let [a, b, c] = port.normals(surface.normals)?.0.map(|n| DVec3::from(n.map(f64::from)));
     Ok((a * u + b * v + c * w).try_normalize().unwrap_or(point.normal))
-}
-
-/// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
-/// by the geometric normal, which points outward.
-pub(super) fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
-    if !(material.transmittance > 0.0) {
-        return None;
-    }
-    let ior = f64::from(material.ior);
-    let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
-    let cosine = -incoming.dot(normal);
-    let k = 1.0 - eta * eta * (1.0 - cosine * cosine);
-    (k >= 0.0).then(|| incoming * eta + normal * (eta * cosine - k.sqrt()))
 }

@@ -3,11 +3,12 @@
 
 use crate::database::records::{Material, Normals, Surface};
 use crate::tracer::hit::HitOn;
+use crate::tracer::optics::{facing, mirrored};
 use crate::tracer::primitives::triangle::TriangleHit;
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::Doubles;
-use crate::tracer::vector::{V3, cross, dot, load, normalise_or, scale, select, store, sub, weighted};
+use crate::tracer::vector::{V3, cross, load, normalise_or, select, store, sub, weighted};
 
 use super::packet::LANES;
 use super::primitives::Primitives;
@@ -211,19 +212,6 @@ impl Chunk {
         store(normal, &mut surfaces.normal, first);
         store(mirrored(incoming, normal), &mut surfaces.mirrored, first);
     }
-}
-
-/// Turned to the side that the ray comes from.
-#[inline(always)]
-pub(super) fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
-    let away = L::splat(0.0).lt(dot(incoming, normal));
-    let minus = L::splat(-1.0);
-    select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
-}
-
-#[inline(always)]
-pub(super) fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
-    sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
 }
 
 #[inline(always)]

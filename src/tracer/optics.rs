@@ -1,0 +1,34 @@
+//! How light goes on at a surface; for one ray or several side by side.
+
+use glam::DVec3;
+
+use super::simd::lanes::Doubles;
+use super::vector::{V3, dot, scale, select, sub};
+use crate::database::records::Material;
+
+/// Turned to the side that the ray comes from.
+#[inline(always)]
+pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
+    let away = L::splat(0.0).lt(dot(incoming, normal));
+    let minus = L::splat(-1.0);
+    select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
+}
+
+/// A ray's direction, reflected: of unit length but for rounding.
+#[inline(always)]
+pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
+    sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
+}
+
+/// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
+/// by the geometric normal, which points outward.
+pub fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
+    if !(material.transmittance > 0.0) {
+        return None;
+    }
+    let ior = f64::from(material.ior);
+    let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
+    let cosine = -incoming.dot(normal);
+    let k = 1.0 - eta * eta * (1.0 - cosine * cosine);
+    (k >= 0.0).then(|| incoming * eta + normal * (eta * cosine - k.sqrt()))
+}
