@@ -274,8 +274,9 @@ async fn a_corrupt_database_ends_the_node() {
 #[tokio::test]
 async fn a_master_or_display_that_breaks_the_conversation_is_named() {
     let database = database();
-    // A tile that is not in the image; and a display that hangs up.
-    for (tile, expected) in [(99, "the master handed out tile 99"), (0, "the display closed the connection")] {
+    // A tile that is not in the image; and a display that hangs up, which is noticed by reading or by writing to it.
+    let broken = [(99, ["the master", "handed out tile 99"]), (0, ["display", "closed"])];
+    for (tile, expected) in broken {
         let (mut master, bus, mut display) = (listen().await, listen().await, listen().await);
         let configuration = configuration(&database, ALL, [&master, &bus, &display]);
         tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
@@ -293,6 +294,6 @@ async fn a_master_or_display_that_breaks_the_conversation_is_named() {
         });
         let (_finish, node) = start_node(configuration).await;
         let error = ended(node).await.expect_err("broken").to_string();
-        assert!(error.starts_with(expected), "{error}");
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
     }
 }
