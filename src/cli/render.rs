@@ -96,12 +96,15 @@ impl RenderArguments {
 
 pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let start = Instant::now();
+    let packets = arguments.kernel == KernelName::Packets;
+    if !packets && arguments.simd.is_some() {
+        return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
+    }
     let octree = arguments.octree();
     let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
         Ok(arguments.image_settings(camera))
     })?;
     let derivation = Instant::now();
-    let packets = arguments.kernel == KernelName::Packets;
     let derived = packets.then(|| WideOctree::derive(&prepared.database));
     let derivation = derivation.elapsed();
     let kernel = match &derived {

@@ -1,6 +1,6 @@
 //! `marti verify`
 
-use std::fmt::Write;
+use std::fmt;
 
 use clap::Args;
 use serde::Serialize;
@@ -73,7 +73,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     if arguments.json {
         print(&super::json(&report)?)?;
     } else {
-        print(&report.text())?;
+        print(&report.to_string())?;
     }
     let mut faults = Counts::default();
     for kernel in &report.verification.kernels {
@@ -106,16 +106,9 @@ struct Report {
     verification: Verification,
 }
 
-impl Report {
-    fn text(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
-    }
-
+impl fmt::Display for Report {
     /// A row a kernel, and what HERO's rays were aimed at; JSON has that of every kernel.
-    fn write(&self, out: &mut String) -> std::fmt::Result {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Placement { scale, translation } = self.placement;
         writeln!(out, "scene     {}, scaled by {scale:e}, moved by {translation:e}", self.scene)?;
         let kernels = &self.verification.kernels;
@@ -141,7 +134,7 @@ impl Report {
     }
 }
 
-fn write_head(out: &mut String, first: &str) -> std::fmt::Result {
+fn write_head(out: &mut fmt::Formatter<'_>, first: &str) -> fmt::Result {
     write!(out, "{first:<12}")?;
     for column in ["rays", "hits", "agreeing", "lost", "false", "other", "self-hits", "differing", "depth error"] {
         write!(out, "{column:>12}")?;
@@ -149,7 +142,7 @@ fn write_head(out: &mut String, first: &str) -> std::fmt::Result {
     writeln!(out)
 }
 
-fn write_row(out: &mut String, name: &str, c: &Counts) -> std::fmt::Result {
+fn write_row(out: &mut fmt::Formatter<'_>, name: &str, c: &Counts) -> fmt::Result {
     write!(out, "{name:<12}")?;
     for count in [c.rays, c.hits, c.agreeing, c.lost, c.false_hits, c.other_primitive, c.self_hits, c.differing] {
         write!(out, "{count:>12}")?;

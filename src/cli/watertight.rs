@@ -1,6 +1,6 @@
 //! `marti verify --watertight`
 
-use std::fmt::Write;
+use std::fmt;
 use std::io::Write as _;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,7 +30,7 @@ pub(super) fn verify(rays: u64, seed: u64, octree: Octree, as_json: bool) -> Res
     if as_json {
         print(&json(&report)?)?;
     } else {
-        print(&report.text())?;
+        print(&report.to_string())?;
     }
     let escapes: u64 = report.kernels.iter().map(|kernel| kernel.escapes).sum();
     if escapes == 0 { Ok(()) } else { Err(Failure::failed(format!("{escapes} rays escaped"))) }
@@ -171,15 +171,8 @@ impl Progress {
     }
 }
 
-impl Report {
-    fn text(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = self.write(&mut text);
-        text
-    }
-
-    fn write(&self, out: &mut String) -> std::fmt::Result {
+impl fmt::Display for Report {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(out, "meshes    {}; {} threads, seed {}", self.meshes.join(", "), self.threads, self.seed)?;
         writeln!(
             out,

@@ -152,6 +152,13 @@ impl Surface {
 #[repr(C)]
 pub struct Normals(pub [[f32; 3]; 3]);
 
+impl Normals {
+    /// Exactly, by vertex.
+    pub fn widened(&self) -> [[f64; 3]; 3] {
+        self.0.map(|normal| normal.map(f64::from))
+    }
+}
+
 /// A material, 48 bytes; the terms are those of [`crate::scene::Material`].
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]
 #[repr(C)]

@@ -1,6 +1,6 @@
 //! A database that came from outside, checked once so that nothing after it need check again.
 
-use super::records::{LeafEntry, OctreeNode, OctreeWord, Surface};
+use super::records::{Cone, LeafEntry, OctreeNode, OctreeWord, Sphere, Surface, Triangle};
 use super::{Database, Section};
 use crate::tracer::stats::MAX_DEPTH;
 
@@ -9,7 +9,8 @@ use crate::tracer::stats::MAX_DEPTH;
 #[error("the database is corrupt: {0}")]
 pub struct Corrupt(pub String);
 
-/// A database whose every index is in range and whose octree is a tree no deeper than its header says.
+/// A database whose every index is in range, whose octree is a tree no deeper than its header says, and whose
+/// primitives are where the octree is: the bounds of roundings rest on that.
 #[derive(Clone, Debug)]
 pub struct Verified(Database);
 
@@ -37,6 +38,7 @@ impl Verified {
         }
         check_octree(&database)?;
         check_leaf_lists(database.records(Section::LeafLists), primitives)?;
+        check_coordinates(&database)?;
         check_surfaces(database.records(Section::Surfaces), count(Section::Materials), count(Section::Normals))?;
         Ok(Self(database))
     }
@@ -88,6 +90,30 @@ fn check_leaf_lists(entries: &[LeafEntry], primitives: u64) -> Result<(), Corrup
     }
 }
 
+fn check_coordinates(database: &Database) -> Result<(), Corrupt> {
+    // False for what is not a number.
+    let is_inside = |coordinate: &f32| coordinate.abs() <= 1.0;
+    // The end of a cone whose axis runs between three of the octree's may be wider than the root.
+    let is_radius = |radius: &f32| radius.abs() <= 2.0;
+    let triangles: &[Triangle] = database.records(Section::Triangles);
+    let spheres: &[Sphere] = database.records(Section::Spheres);
+    let cones: &[Cone] = database.records(Section::Cones);
+    let outside = |kind: &str, id: usize| Corrupt(format!("{kind} {id} lies outside of the octree"));
+    if let Some(id) = triangles.iter().position(|t| !t.coordinates.as_flattened().iter().all(is_inside)) {
+        return Err(outside("triangle", id));
+    }
+    if let Some(id) = spheres.iter().position(|s| !(s.centre.iter().all(is_inside) && is_radius(&s.radius))) {
+        return Err(outside("sphere", id));
+    }
+    let ends = |c: &Cone| {
+        c.base.iter().chain(&c.apex).all(is_inside) && [&c.base_radius, &c.apex_radius].into_iter().all(is_radius)
+    };
+    match cones.iter().position(|c| !ends(c)) {
+        Some(id) => Err(outside("cone", id)),
+        None => Ok(()),
+    }
+}
+
 fn check_surfaces(surfaces: &[Surface], materials: u64, normals: u64) -> Result<(), Corrupt> {
     let good = |s: &&Surface| {
         u64::from(s.material) < materials && (s.normals == Surface::FLAT || u64::from(s.normals) < normals)
@@ -95,5 +121,34 @@ fn check_surfaces(surfaces: &[Surface], materials: u64, normals: u64) -> Result<
     match surfaces.iter().find(|s| !good(s)) {
         Some(s) => Err(Corrupt(format!("surface with material {} and normals {}", s.material, s.normals))),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::topology::SceneSource;
+    use crate::tracer::octree::{BuildParameters, build_database};
+
+    /// Where the bounds of roundings would not hold, nothing is traced.
+    #[test]
+    fn a_primitive_outside_of_the_octree_is_refused() {
+        for (scene, section, expected) in
+            [("teapot:2", Section::Triangles, "triangle 1 lies"), ("balls:1", Section::Spheres, "sphere 2 lies")]
+        {
+            let source: SceneSource = scene.parse().expect("procedural");
+            let scene = crate::preparation::load(&source).expect("procedural");
+            let parameters = BuildParameters { leaf_size: 8, max_depth: 12 };
+            let mut database = build_database(&scene, parameters).expect("sound").database().clone();
+            // Ten words into the section: the second triangle's first coordinate, the third sphere's last.
+            let word = (database.header.layout.span(section).base.0 / 4) as usize + 10;
+            for bits in [1.5f32.to_bits(), f32::NAN.to_bits(), f32::NEG_INFINITY.to_bits()] {
+                Arc::make_mut(&mut database.words)[word] = bits;
+                let error = Verified::new(database.clone()).expect_err("outside").to_string();
+                assert!(error.contains(expected), "{error}");
+            }
+        }
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::simd::lanes::Doubles;
-use super::vector::{V3, dot, scale, select, sub};
+use super::vector::{V3, dot, length, normalise_or, scale, select, splat, sub, weighted};
 use crate::database::records::Material;
 
 /// Turned to the side that the ray comes from.
@@ -12,6 +12,20 @@ pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
     let away = L::splat(0.0).lt(dot(incoming, normal));
     let minus = L::splat(-1.0);
     select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
+}
+
+/// Unit directions from points to a light, and how far it is: not a number for a light on the very point.
+#[inline(always)]
+pub fn towards<L: Doubles>(light: [f64; 3], point: V3<L>) -> (V3<L>, L) {
+    let to_light = sub(splat(light), point);
+    let distance = length(to_light);
+    (scale(to_light, L::splat(1.0).div(distance)), distance)
+}
+
+/// The normals of smooth triangles between those of their corners; the triangles' own where these cancel out.
+#[inline(always)]
+pub fn smooth<L: Doubles>(corners: [V3<L>; 3], barycentrics: [L; 3], own: V3<L>) -> V3<L> {
+    normalise_or(weighted(corners, barycentrics), own)
 }
 
 /// A ray's direction, reflected: of unit length but for rounding.

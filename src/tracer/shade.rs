@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{facing, mirrored, refract};
+use super::optics::{facing, mirrored, refract, smooth, towards};
 use super::power::power;
 use super::ray::Ray;
 use super::stats::TraceStats;
@@ -43,10 +43,9 @@ struct Ancestry {
 
 impl Shader {
     pub fn new(header: &Header, view: &View, mailbox: bool) -> Self {
-        let light = |l: &crate::scene::Light| (header.normalisation.point(l.position), l.colour.as_vec3());
         Self {
             hero: Hero::new(header, mailbox),
-            lights: view.lights.iter().map(light).collect(),
+            lights: view.normalised_lights(&header.normalisation),
             background: view.background.as_vec3(),
             depth: view.image.depth,
             cutoff: view.image.cutoff,
@@ -146,9 +145,8 @@ impl Shader {
         let mut radiance = Vec3::ZERO;
         for light in 0..self.lights.len() {
             let (position, colour) = self.lights[light];
-            let to_light = position - point.position;
-            let distance = to_light.length();
-            let direction = to_light * (1.0 / distance);
+            let (direction, distance) = towards(position.to_array(), point.position.to_array());
+            let direction = DVec3::from(direction);
             let cosine = normal.dot(direction);
             // False for NaN too: a light on the very point of the surface does not light it.
             if !(cosine > 0.0) {
@@ -182,10 +180,10 @@ fn shading_normal<M: MemoryPort>(
     point: &SurfacePoint,
     surface: Surface,
 ) -> Result<DVec3, M::Error> {
-    let HitOn::Triangle { barycentrics: [u, v, w], .. } = hit.on else { return Ok(point.normal) };
+    let HitOn::Triangle { barycentrics, .. } = hit.on else { return Ok(point.normal) };
     if surface.normals == Surface::FLAT {
         return Ok(point.normal);
     }
-    let [a, b, c] = port.normals(surface.normals)?.0.map(|n| DVec3::from(n.map(f64::from)));
-    Ok((a * u + b * v + c * w).try_normalize().unwrap_or(point.normal))
+    let corners = port.normals(surface.normals)?.widened();
+    Ok(smooth(corners, barycentrics, point.normal.to_array()).into())
 }

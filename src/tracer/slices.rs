@@ -12,12 +12,12 @@ use crate::database::verify::Verified;
 pub struct Slices<'a> {
     octree: &'a [OctreeWord],
     leaf_lists: &'a [LeafEntry],
-    triangles: &'a [Triangle],
-    spheres: &'a [Sphere],
-    cones: &'a [Cone],
-    surfaces: &'a [Surface],
-    normals: &'a [Normals],
-    materials: &'a [Material],
+    pub(super) triangles: &'a [Triangle],
+    pub(super) spheres: &'a [Sphere],
+    pub(super) cones: &'a [Cone],
+    pub(super) surfaces: &'a [Surface],
+    pub(super) normals: &'a [Normals],
+    pub(super) materials: &'a [Material],
 }
 
 impl<'a> Slices<'a> {

@@ -140,6 +140,12 @@ const CASES: &[Case] = &[
     ("command line: unknown AOV", &[], &["render", "teapot", "--aov", "depth,albedo"]),
     ("command line: size of a scene", &[], &["scene", "tetra", "--size", "40"]),
     ("command line: unknown scene", &[], &["scene", "bunny"]),
+    (
+        "command line: vector instructions for single rays",
+        &[],
+        &["render", "gears", "--kernel", "single", "--simd", "sse2"],
+    ),
+    ("command line: unknown vector instructions", &[], &["render", "gears", "--simd", "neon"]),
     ("command line: nothing to verify", &[], &["verify"]),
     ("command line: a scene and closed meshes", &[], &["verify", "gears", "--watertight"]),
     ("command line: closed meshes elsewhere", &[], &["verify", "--watertight", "--translate", "1e6"]),

@@ -3,7 +3,7 @@
 
 use super::overlap::{Bounds, Cell, cone_octants, sphere_octants, triangle_octants};
 use crate::database::compile::Records;
-use crate::tracer::simd::Simd;
+use crate::tracer::simd::{Registers, Simd, Task};
 
 /// Asks the primitives of a database.
 #[derive(Clone, Copy, Debug)]
@@ -19,28 +19,24 @@ impl<'a> Octants<'a> {
 
     /// For each of `ids`, which reach into the cell: bit o is set if it reaches into octant o.
     pub(super) fn of(&self, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
-        match self.simd {
-            // SAFETY: `Simd::best` has seen that this processor has these instructions.
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx512 => unsafe { with_avx512(self.records, ids, cell, octants) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx2 => unsafe { with_avx2(self.records, ids, cell, octants) },
-            _ => of_all(self.records, ids, cell, octants),
-        }
+        self.simd.run(All { records: self.records, ids, cell, octants });
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl")]
-fn with_avx512(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
-    of_all(records, ids, cell, octants);
+struct All<'t> {
+    records: &'t Records,
+    ids: &'t [u32],
+    cell: Cell,
+    octants: &'t mut Vec<u8>,
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn with_avx2(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
-    of_all(records, ids, cell, octants);
+impl Task for All<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(self) {
+        of_all(self.records, self.ids, self.cell, self.octants);
+    }
 }
 
 #[inline(always)]

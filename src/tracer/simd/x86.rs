@@ -193,109 +193,58 @@ impl Singles for F32x16 {
     }
 }
 
-impl Doubles for F64x2 {
-    #[inline(always)]
-    fn widen(from: &[f32]) -> Self {
-        // SAFETY: as above.
-        Self(unsafe { _mm_setr_pd(f64::from(from[0]), f64::from(from[1])) })
-    }
-    #[inline(always)]
-    fn narrow(self, to: &mut [f32]) {
-        let mut numbers = [0.0; 2];
-        self.store(&mut numbers);
-        (to[0], to[1]) = (numbers[0] as f32, numbers[1] as f32);
-    }
-    #[inline(always)]
-    fn split(self) -> (Self, Self) {
-        // SAFETY: as above.
-        let (mantissa, exponent) = unsafe {
-            let bits = _mm_castpd_si128(self.0);
-            let mantissa = _mm_and_si128(bits, _mm_set1_epi64x((1 << MANTISSA) - 1));
-            let exponent = _mm_srli_epi64::<52>(bits);
-            let one = _mm_or_si128(mantissa, _mm_set1_epi64x(ONE as i64));
-            let whole = _mm_or_si128(exponent, _mm_set1_epi64x(WHOLE.to_bits() as i64));
-            (Self(_mm_castsi128_pd(one)), Self(_mm_castsi128_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
-        };
-        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
-        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
-        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
-    }
-    #[inline(always)]
-    fn scaled(self, exponent: Self) -> Self {
-        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
-        // SAFETY: as above.
-        self.mul(Self(unsafe { _mm_castsi128_pd(_mm_slli_epi64::<52>(_mm_castpd_si128(whole.0))) }))
-    }
+macro_rules! doubles {
+    ($name:ident of $n:literal:
+     widen |$from:ident| $widen:expr, narrow |$number:ident, $to:ident| $narrow:expr,
+     $bits:ident, $number_of:ident, $and:ident, $or:ident, $set1:ident, $right:ident, $left:ident) => {
+        impl Doubles for $name {
+            #[inline(always)]
+            fn widen(from: &[f32]) -> Self {
+                let $from = from[..$n].as_ptr();
+                // SAFETY: as above; as many numbers are there.
+                Self(unsafe { $widen })
+            }
+            #[inline(always)]
+            fn narrow(self, to: &mut [f32]) {
+                let ($number, $to) = (self.0, to[..$n].as_mut_ptr());
+                // SAFETY: as above; as many numbers are there.
+                unsafe { $narrow }
+            }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // SAFETY: as above.
+                let (mantissa, exponent) = unsafe {
+                    let bits = $bits(self.0);
+                    let one = $or($and(bits, $set1((1 << MANTISSA) - 1)), $set1(ONE as i64));
+                    let whole = $or($right::<{ MANTISSA as _ }>(bits), $set1(WHOLE.to_bits() as i64));
+                    (Self($number_of(one)), Self($number_of(whole)).sub(Self::splat(WHOLE + 1023.0)))
+                };
+                let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
+                let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
+                (halved.0.select(large, mantissa), halved.1.select(large, exponent))
+            }
+            #[inline(always)]
+            fn scaled(self, exponent: Self) -> Self {
+                let whole = exponent.add(Self::splat(WHOLE + 1023.0));
+                // SAFETY: as above.
+                self.mul(Self(unsafe { $number_of($left::<{ MANTISSA as _ }>($bits(whole.0))) }))
+            }
+        }
+    };
 }
 
-impl Doubles for F64x4 {
-    #[inline(always)]
-    fn widen(from: &[f32]) -> Self {
-        let from = &from[..4];
-        // SAFETY: as above; four numbers are there.
-        Self(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(from.as_ptr())) })
-    }
-    #[inline(always)]
-    fn narrow(self, to: &mut [f32]) {
-        let to = &mut to[..4];
-        // SAFETY: as above; four numbers are there.
-        unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) }
-    }
-    #[inline(always)]
-    fn split(self) -> (Self, Self) {
-        // SAFETY: as above.
-        let (mantissa, exponent) = unsafe {
-            let bits = _mm256_castpd_si256(self.0);
-            let mantissa = _mm256_and_si256(bits, _mm256_set1_epi64x((1 << MANTISSA) - 1));
-            let exponent = _mm256_srli_epi64::<52>(bits);
-            let one = _mm256_or_si256(mantissa, _mm256_set1_epi64x(ONE as i64));
-            let whole = _mm256_or_si256(exponent, _mm256_set1_epi64x(WHOLE.to_bits() as i64));
-            (Self(_mm256_castsi256_pd(one)), Self(_mm256_castsi256_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
-        };
-        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
-        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
-        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
-    }
-    #[inline(always)]
-    fn scaled(self, exponent: Self) -> Self {
-        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
-        // SAFETY: as above.
-        self.mul(Self(unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(whole.0))) }))
-    }
-}
+// Two f32 are moved as 64 bits, whatever they mean.
+doubles!(F64x2 of 2:
+    widen |from| _mm_cvtps_pd(_mm_castsi128_ps(_mm_loadl_epi64(from.cast()))),
+    narrow |number, to| _mm_storel_epi64(to.cast(), _mm_castps_si128(_mm_cvtpd_ps(number))),
+    _mm_castpd_si128, _mm_castsi128_pd, _mm_and_si128, _mm_or_si128, _mm_set1_epi64x, _mm_srli_epi64, _mm_slli_epi64);
 
-impl Doubles for F64x8 {
-    #[inline(always)]
-    fn widen(from: &[f32]) -> Self {
-        let from = &from[..8];
-        // SAFETY: as above; eight numbers are there.
-        Self(unsafe { _mm512_cvtps_pd(_mm256_loadu_ps(from.as_ptr())) })
-    }
-    #[inline(always)]
-    fn narrow(self, to: &mut [f32]) {
-        let to = &mut to[..8];
-        // SAFETY: as above; eight numbers are there.
-        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), _mm512_cvtpd_ps(self.0)) }
-    }
-    #[inline(always)]
-    fn split(self) -> (Self, Self) {
-        // SAFETY: as above.
-        let (mantissa, exponent) = unsafe {
-            let bits = _mm512_castpd_si512(self.0);
-            let mantissa = _mm512_and_si512(bits, _mm512_set1_epi64((1 << MANTISSA) - 1));
-            let exponent = _mm512_srli_epi64::<52>(bits);
-            let one = _mm512_or_si512(mantissa, _mm512_set1_epi64(ONE as i64));
-            let whole = _mm512_or_si512(exponent, _mm512_set1_epi64(WHOLE.to_bits() as i64));
-            (Self(_mm512_castsi512_pd(one)), Self(_mm512_castsi512_pd(whole)).sub(Self::splat(WHOLE + 1023.0)))
-        };
-        let large = Self::splat(std::f64::consts::SQRT_2).lt(mantissa);
-        let halved = (mantissa.mul(Self::splat(0.5)), exponent.add(Self::splat(1.0)));
-        (halved.0.select(large, mantissa), halved.1.select(large, exponent))
-    }
-    #[inline(always)]
-    fn scaled(self, exponent: Self) -> Self {
-        let whole = exponent.add(Self::splat(WHOLE + 1023.0));
-        // SAFETY: as above.
-        self.mul(Self(unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<52>(_mm512_castpd_si512(whole.0))) }))
-    }
-}
+doubles!(F64x4 of 4:
+    widen |from| _mm256_cvtps_pd(_mm_loadu_ps(from)), narrow |number, to| _mm_storeu_ps(to, _mm256_cvtpd_ps(number)),
+    _mm256_castpd_si256, _mm256_castsi256_pd, _mm256_and_si256, _mm256_or_si256, _mm256_set1_epi64x,
+    _mm256_srli_epi64, _mm256_slli_epi64);
+
+doubles!(F64x8 of 8:
+    widen |from| _mm512_cvtps_pd(_mm256_loadu_ps(from)), narrow |number, to| _mm256_storeu_ps(to, _mm512_cvtpd_ps(number)),
+    _mm512_castpd_si512, _mm512_castsi512_pd, _mm512_and_si512, _mm512_or_si512, _mm512_set1_epi64,
+    _mm512_srli_epi64, _mm512_slli_epi64);

@@ -68,13 +68,15 @@ pub(super) fn derive(database: &Verified) -> WideOctree {
     let mut items: Vec<Item> = ids.map(|id| Item { code: code(boxes.of(id).centre()), id }).collect();
     items.sort_unstable_by_key(|item| (item.code, item.id));
     let all = items.len();
-    let mut derivation = Derivation { boxes, octree: WideOctree::new(), items };
+    let octree = WideOctree::with_room(boxes.triangles.len(), all);
+    let mut derivation = Derivation { boxes, octree, items };
     if all > 0 {
         derivation.octree.root = match derivation.cell(0, all, 0) {
             Made::Leaf((leaf, _)) => leaf,
             Made::Branch(below) => derivation.place_branch(&below).0,
         };
     }
+    derivation.octree.shrink();
     derivation.octree
 }
 
@@ -171,9 +173,10 @@ impl Derivation<'_> {
     }
 
     fn leaf(&mut self, from: usize, to: usize) -> Entry {
-        let items = &mut self.items[from..to];
-        // Triangles first.
-        items.sort_unstable_by_key(|item| item.id);
+        if self.boxes.are_of_kinds() {
+            // Triangles first.
+            self.items[from..to].sort_unstable_by_key(|item| item.id);
+        }
         let fitted = self.items[from..to].iter().fold(Fitted::EMPTY, |all, item| all.union(self.boxes.of(item.id)));
         let ids = self.items[from..to].iter().map(|item| item.id);
         (self.octree.add_leaf(self.boxes.triangles, ids), fitted)

@@ -52,6 +52,11 @@ impl<'a> Boxes<'a> {
         self.triangles.len() + self.curved.len()
     }
 
+    /// Whether there are triangles and others.
+    pub(super) fn are_of_kinds(&self) -> bool {
+        !self.triangles.is_empty() && !self.curved.is_empty()
+    }
+
     /// The box of a primitive.
     pub(super) fn of(&self, id: u32) -> Fitted {
         match self.triangles.get(id as usize) {

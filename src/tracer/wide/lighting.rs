@@ -4,14 +4,15 @@ use glam::{DVec3, Vec3};
 
 use super::WideOctree;
 use super::packet::{LANES, Packet};
-use super::primitives::Primitives;
 use super::surfaces::{DOUBLES, Surfaces};
 use super::walk::{Scratch, walk};
+use crate::tracer::optics::towards;
 use crate::tracer::power::power;
 use crate::tracer::ray::moved_off;
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
-use crate::tracer::vector::{add, dot, length, load, mul, scale, select, splat, store, sub};
+use crate::tracer::slices::Slices;
+use crate::tracer::vector::{add, dot, load, mul, scale, select, splat, store};
 
 /// What a packet of shadow rays would bring if nothing were in their way.
 #[derive(Default)]
@@ -28,7 +29,7 @@ pub(super) fn light<R: Registers>(
     surfaces: &mut Surfaces,
     lights: &[(DVec3, Vec3)],
     octree: &WideOctree,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     scratch: &mut Scratch,
 ) -> u64 {
@@ -39,14 +40,14 @@ pub(super) fn light<R: Registers>(
             packet.leave(lane, surfaces.source[first + lane]);
         }
         for &(position, colour) in lights {
-            let lanes = ((1u64 << LANES.min(surfaces.count - first)) - 1) as u32;
+            let lanes = (1u32 << LANES.min(surfaces.count - first)) - 1;
             let turned_to = aim::<R>(surfaces, first, position, packet, &mut cosines) & lanes;
             rays += u64::from(turned_to.count_ones());
             let mut lit = 0;
             let mut left = turned_to;
             while left != 0 {
                 let active = packet.start::<R>(left);
-                walk::<R, true>(octree, primitives, packet, scratch);
+                walk::<R, true>(octree, slices, packet, scratch);
                 lit |= packet.active;
                 left &= !active;
             }
@@ -68,9 +69,7 @@ fn aim<R: Registers>(
     let mut turned_to = 0;
     for half in [0, DOUBLES] {
         let position = load::<R::D8, _>(&surfaces.position, first + half);
-        let to_light = sub(splat(light.to_array()), position);
-        let distance = length(to_light);
-        let direction = scale(to_light, R::D8::splat(1.0).div(distance));
+        let (direction, distance) = towards(light.to_array(), position);
         let cosine = dot(load::<R::D8, _>(&surfaces.normal, first + half), direction);
         turned_to |= R::D8::splat(0.0).lt(cosine) << half;
         cosine.narrow(&mut cosines.normal[half..]);

@@ -3,22 +3,24 @@
 //! sure, the single-ray kernel's own functions decide the rest.
 
 mod batch;
+mod branching;
+mod decide;
 mod derivation;
 mod fitted;
 mod lighting;
 mod octree;
 mod packet;
-mod primitives;
+mod primaries;
 mod surfaces;
 mod triangles;
 mod walk;
+mod wave;
 
 pub use batch::BatchTracer;
 pub use octree::WideOctree;
 pub use walk::Counts;
 
 use packet::{LANES, Packet};
-use primitives::Primitives;
 use walk::Scratch;
 
 use super::hit::Hit;
@@ -32,27 +34,25 @@ use crate::database::verify::Verified;
 /// Traces batches of rays.
 pub struct WideTracer<'a> {
     octree: &'a WideOctree,
-    primitives: Primitives<'a>,
+    slices: Slices<'a>,
     simd: Simd,
     packet: Box<Packet>,
     scratch: Scratch,
     queues: Queues,
     /// For rays that packets are not made for.
     hero: Hero,
-    port: Slices<'a>,
 }
 
 impl<'a> WideTracer<'a> {
     pub fn new(octree: &'a WideOctree, database: &'a Verified, simd: Simd) -> Self {
         Self {
             octree,
-            primitives: Primitives::new(database),
+            slices: Slices::new(database),
             simd,
             packet: Box::new(Packet::new()),
             scratch: Scratch::new(),
             queues: Queues::default(),
             hero: Hero::new(&database.database().header, true),
-            port: Slices::new(database),
         }
     }
 
@@ -67,7 +67,7 @@ impl<'a> WideTracer<'a> {
         let mut primitives = vec![packet::NONE; rays.len()];
         self.nearest_primitives(rays, &queues, &mut primitives);
         self.queues = queues;
-        let hit = |(ray, &id): (&Ray, &u32)| if id == packet::NONE { None } else { self.primitives.hit(ray, id) };
+        let hit = |(ray, &id): (&Ray, &u32)| if id == packet::NONE { None } else { self.slices.hit(ray, id) };
         rays.iter().zip(&primitives).map(hit).collect()
     }
 
@@ -76,10 +76,11 @@ impl<'a> WideTracer<'a> {
         let mut queues = std::mem::take(&mut self.queues);
         queues.sort(rays);
         let mut occluded = vec![true; rays.len()];
-        self.simd.run(Occluded { tracer: self, rays, queues: &queues, occluded: &mut occluded });
+        let done = |index: usize, packet: &Packet, lane: usize| occluded[index] = packet.active >> lane & 1 == 0;
+        self.simd.run(WalkAll::<true, _> { tracer: self, rays, queues: &queues, done });
         for &index in &queues.unusual {
             let ray = &rays[index as usize];
-            let Ok(hit) = self.hero.occluded(&mut self.port, ray, &mut TraceStats::default());
+            let Ok(hit) = self.hero.occluded(&mut self.slices, ray, &mut TraceStats::default());
             occluded[index as usize] = hit;
         }
         self.queues = queues;
@@ -88,10 +89,11 @@ impl<'a> WideTracer<'a> {
 
     /// The id of the primitive that each ray hits first, [`packet::NONE`] where there is none.
     fn nearest_primitives(&mut self, rays: &[Ray], queues: &Queues, primitives: &mut [u32]) {
-        self.simd.run(Nearest { tracer: self, rays, queues, primitives });
+        let done = |index: usize, packet: &Packet, lane: usize| primitives[index] = packet.primitive[lane].to_bits();
+        self.simd.run(WalkAll::<false, _> { tracer: self, rays, queues, done });
         for &index in &queues.unusual {
             let ray = &rays[index as usize];
-            let Ok(hit) = self.hero.nearest(&mut self.port, ray, &mut TraceStats::default());
+            let Ok(hit) = self.hero.nearest(&mut self.slices, ray, &mut TraceStats::default());
             primitives[index as usize] = hit.map_or(packet::NONE, |hit| hit.primitive.0);
         }
     }
@@ -125,50 +127,26 @@ impl Queues {
     }
 }
 
-struct Nearest<'t, 'a, 'r> {
+/// Walks packets of queued rays, and tells of each ray's index and lane when its packet is done.
+struct WalkAll<'t, 'a, 'r, const ANY: bool, Done> {
     tracer: &'t mut WideTracer<'a>,
     rays: &'r [Ray],
     queues: &'r Queues,
-    primitives: &'r mut [u32],
+    done: Done,
 }
 
-impl Task for Nearest<'_, '_, '_> {
+impl<const ANY: bool, Done: FnMut(usize, &Packet, usize)> Task for WalkAll<'_, '_, '_, ANY, Done> {
     type Output = ();
 
     #[inline(always)]
-    fn run<R: Registers>(self) {
-        let WideTracer { octree, primitives, packet, scratch, .. } = self.tracer;
+    fn run<R: Registers>(mut self) {
+        let WideTracer { octree, slices, packet, scratch, .. } = self.tracer;
         for queue in &self.queues.by_octant {
             for indices in queue.chunks(LANES) {
                 packet.fill::<R>(self.rays, indices);
-                walk::walk::<R, false>(octree, primitives, packet, scratch);
+                walk::walk::<R, ANY>(octree, slices, packet, scratch);
                 for (lane, &index) in indices.iter().enumerate() {
-                    self.primitives[index as usize] = packet.primitive[lane].to_bits();
-                }
-            }
-        }
-    }
-}
-
-struct Occluded<'t, 'a, 'r> {
-    tracer: &'t mut WideTracer<'a>,
-    rays: &'r [Ray],
-    queues: &'r Queues,
-    occluded: &'r mut [bool],
-}
-
-impl Task for Occluded<'_, '_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<R: Registers>(self) {
-        let WideTracer { octree, primitives, packet, scratch, .. } = self.tracer;
-        for queue in &self.queues.by_octant {
-            for indices in queue.chunks(LANES) {
-                packet.fill::<R>(self.rays, indices);
-                walk::walk::<R, true>(octree, primitives, packet, scratch);
-                for (lane, &index) in indices.iter().enumerate() {
-                    self.occluded[index as usize] = packet.active >> lane & 1 == 0;
+                    (self.done)(index as usize, packet, lane);
                 }
             }
         }

@@ -86,9 +86,18 @@ pub struct WideOctree {
 const ROWS: usize = 11;
 
 impl WideOctree {
-    pub(super) fn new() -> Self {
+    /// Empty, with room for the leaves of so many triangles, and primitives in all.
+    pub(super) fn with_room(triangles: usize, primitives: usize) -> Self {
+        let mut leaves = Vec::with_capacity(ROWS * triangles + primitives + BLOCK);
         // So many words may be read beyond the last row.
-        Self { branches: Vec::new(), leaves: vec![0; BLOCK], root: Child::EMPTY }
+        leaves.resize(BLOCK, 0);
+        Self { branches: Vec::new(), leaves, root: Child::EMPTY }
+    }
+
+    /// Gives back the room that was not needed.
+    pub(super) fn shrink(&mut self) {
+        self.branches.shrink_to_fit();
+        self.leaves.shrink_to_fit();
     }
 
     /// Derives it from a database's primitives.

@@ -1,28 +1,21 @@
 //! Where a wave's rays hit, side by side: the same numbers as [`Hit::surface_point`](crate::tracer::hit::Hit) and the
 //! single-ray kernel's shading normal, in lanes.
 
-use crate::database::records::{Material, Normals, Surface};
-use crate::tracer::hit::HitOn;
-use crate::tracer::optics::{facing, mirrored};
+use glam::DVec3;
+
+use super::packet::{LANES, NONE};
+use crate::database::records::{Material, Surface};
+use crate::tracer::hit::{HitOn, SurfacePoint};
+use crate::tracer::optics::{facing, mirrored, smooth};
 use crate::tracer::primitives::triangle::TriangleHit;
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::Doubles;
+use crate::tracer::slices::Slices;
 use crate::tracer::vector::{V3, cross, load, normalise_or, select, store, sub, weighted};
-
-use super::packet::LANES;
-use super::primitives::Primitives;
 
 /// Lanes of doubles.
 pub(super) const DOUBLES: usize = 8;
-
-/// What shading reads besides the primitives.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Looks<'a> {
-    pub surfaces: &'a [Surface],
-    pub normals: &'a [Normals],
-    pub materials: &'a [Material],
-}
 
 /// Rows of whole chunks of [`LANES`]; what is beyond `count` means nothing.
 #[derive(Debug, Default)]
@@ -48,16 +41,16 @@ pub(super) struct Surfaces {
 
 impl Surfaces {
     /// Takes the rays that hit something.
-    pub(super) fn take(&mut self, primitives: &[u32], looks: &Looks<'_>) {
+    pub(super) fn take(&mut self, primitives: &[u32], slices: &Slices<'_>) {
         self.ray.clear();
         self.primitive.clear();
         self.material.clear();
         self.source.clear();
         for (ray, &primitive) in primitives.iter().enumerate() {
-            if primitive != super::packet::NONE {
+            if primitive != NONE {
                 self.ray.push(ray as u32);
                 self.primitive.push(primitive);
-                self.material.push(looks.surfaces[primitive as usize].material);
+                self.material.push(slices.surfaces[primitive as usize].material);
             }
         }
         self.count = self.ray.len();
@@ -72,7 +65,7 @@ impl Surfaces {
         self.radiance.iter_mut().for_each(|row| row.fill(0.0));
         self.shine.resize(padded, 0.0);
         for at in 0..self.count {
-            let material = &looks.materials[self.material[at] as usize];
+            let material = &slices.materials[self.material[at] as usize];
             for channel in 0..3 {
                 self.diffuse[channel][at] = material.diffuse[channel];
                 self.highlight[channel][at] = material.highlight[channel];
@@ -81,19 +74,29 @@ impl Surfaces {
         }
     }
 
+    #[inline(always)]
+    pub(super) fn material<'a>(&self, slices: &Slices<'a>, at: usize) -> &'a Material {
+        &slices.materials[self.material[at] as usize]
+    }
+
+    pub(super) fn point(&self, at: usize) -> SurfacePoint {
+        let vector = |rows: &[Vec<f64>; 3]| DVec3::new(rows[0][at], rows[1][at], rows[2][at]);
+        SurfacePoint { position: vector(&self.position), normal: vector(&self.outward), source: self.source[at] }
+    }
+
     /// Computes positions, normals and mirrored directions.
     #[inline(always)]
-    pub(super) fn place<R: Registers>(&mut self, rays: &[Ray], primitives: &Primitives<'_>, looks: &Looks<'_>) {
+    pub(super) fn place<R: Registers>(&mut self, rays: &[Ray], slices: &Slices<'_>) {
         let mut chunk = Chunk::default();
         for first in (0..self.count).step_by(DOUBLES) {
             let lanes = DOUBLES.min(self.count - first);
-            let in_triangles = chunk.gather(self, first, lanes, rays, primitives, looks);
+            let in_triangles = chunk.gather(self, first, lanes, rays, slices);
             let placed = chunk.place::<R::D8>(self, first);
             let mut left = !(in_triangles & placed) & ((1 << lanes) - 1);
             while left != 0 {
                 let at = first + left.trailing_zeros() as usize;
                 left &= left - 1;
-                self.place_one(at, rays, primitives, looks);
+                self.place_one(at, rays, slices);
             }
             chunk.mirror::<R::D8>(self, first);
         }
@@ -102,20 +105,17 @@ impl Surfaces {
     /// What lanes leave: spheres, cones, and triangles that f64 cannot decide.
     #[cold]
     #[inline(never)]
-    fn place_one(&mut self, at: usize, rays: &[Ray], primitives: &Primitives<'_>, looks: &Looks<'_>) {
+    fn place_one(&mut self, at: usize, rays: &[Ray], slices: &Slices<'_>) {
         let ray = &rays[self.ray[at] as usize];
-        let Some(hit) = primitives.hit(ray, self.primitive[at]) else {
-            unreachable!("what was found to be hit is hit")
-        };
+        let Some(hit) = slices.hit(ray, self.primitive[at]) else { unreachable!("what was found to be hit is hit") };
         let point = hit.surface_point(ray);
-        let surface = looks.surfaces[self.primitive[at] as usize];
+        let surface = slices.surfaces[self.primitive[at] as usize];
         let mut normal = point.normal;
         if let HitOn::Triangle { barycentrics, .. } = hit.on
             && surface.normals != Surface::FLAT
         {
-            let corners = &looks.normals[surface.normals as usize].0;
-            let corners = [corners[0].map(f64::from), corners[1].map(f64::from), corners[2].map(f64::from)];
-            normal = normalise_or(weighted(corners, barycentrics), normal.to_array()).into();
+            let corners = slices.normals[surface.normals as usize].widened();
+            normal = smooth(corners, barycentrics, normal.to_array()).into();
         }
         self.source[at] = point.source;
         for axis in 0..3 {
@@ -147,8 +147,7 @@ impl Chunk {
         first: usize,
         lanes: usize,
         rays: &[Ray],
-        primitives: &Primitives<'_>,
-        looks: &Looks<'_>,
+        slices: &Slices<'_>,
     ) -> u32 {
         let mut in_triangles = 0;
         self.smooth = 0;
@@ -159,7 +158,7 @@ impl Chunk {
                 self.direction[axis][lane] = ray.direction[axis];
             }
             let id = surfaces.primitive[first + lane];
-            let Some(triangle) = primitives.triangles.get(id as usize) else { continue };
+            let Some(triangle) = slices.triangles.get(id as usize) else { continue };
             in_triangles |= 1 << lane;
             surfaces.source[first + lane] = Source::Polygon(triangle.polygon());
             for axis in 0..3 {
@@ -167,10 +166,10 @@ impl Chunk {
                     self.corners[axis][vertex][lane] = triangle.coordinates[axis][vertex];
                 }
             }
-            let normals = looks.surfaces[id as usize].normals;
+            let normals = slices.surfaces[id as usize].normals;
             if normals != Surface::FLAT {
                 self.smooth |= 1 << lane;
-                let normals = &looks.normals[normals as usize].0;
+                let normals = &slices.normals[normals as usize].0;
                 for vertex in 0..3 {
                     for axis in 0..3 {
                         self.normals[vertex][axis][lane] = normals[vertex][axis];
@@ -195,8 +194,8 @@ impl Chunk {
         let mut normal = outward;
         if self.smooth != 0 {
             let [a, b, c] = &self.normals;
-            let smooth = normalise_or(weighted([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights), outward);
-            normal = select(self.smooth, smooth, outward);
+            let smoothed = smooth([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights, outward);
+            normal = select(self.smooth, smoothed, outward);
         }
         store(position, &mut surfaces.position, first);
         store(outward, &mut surfaces.outward, first);

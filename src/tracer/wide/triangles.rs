@@ -70,7 +70,7 @@ impl<L: Singles> Triangles<L> {
     pub(super) fn of_block(block: &Block<'_>) -> Self {
         let (a, b, c): ([L; 3], [L; 3], [L; 3]) = (vertex(block, 0), vertex(block, 1), vertex(block, 2));
         let edges = [sub(a, b), sub(c, a)];
-        let lengths = [length(edges[0]), length(edges[1])];
+        let lengths = [one_norm(edges[0]), one_norm(edges[1])];
         let sum = lengths[0].add(lengths[1]);
         let edge_error = sum.mul(L::splat(40.0 * ROUNDING).add(sum.mul(L::splat(4.0 * ROUNDING))));
         let distance_error = lengths[0].mul(lengths[1]).mul(L::splat(24.0 * ROUNDING));
@@ -154,8 +154,7 @@ pub(super) fn vertex<L: Singles>(block: &Block<'_>, v: usize) -> [L; 3] {
     [L::load(block.coordinates(0, v)), L::load(block.coordinates(1, v)), L::load(block.coordinates(2, v))]
 }
 
-/// In the 1-norm.
 #[inline(always)]
-fn length<L: Lanes>(v: [L; 3]) -> L {
+fn one_norm<L: Lanes>(v: [L; 3]) -> L {
     v[0].abs().add(v[1].abs()).add(v[2].abs())
 }

@@ -4,10 +4,10 @@
 use super::derivation::LEVELS;
 use super::octree::{Block, Branch, Child, WideOctree};
 use super::packet::{LANES, Packet};
-use super::primitives::Primitives;
 use super::triangles::{Rays, Rows, Triangles, vertex};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Lanes, Singles};
+use crate::tracer::slices::Slices;
 use crate::tracer::vector::{dot, scale, splat, sub};
 
 /// Ray parameters of planes are off by 3·2⁻²⁴ of themselves; this is more than twice as much, for either side.
@@ -103,7 +103,7 @@ fn sides(mirror: usize) -> [(usize, usize); 3] {
 #[inline(always)]
 pub(super) fn walk<R: Registers, const ANY: bool>(
     octree: &WideOctree,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     scratch: &mut Scratch,
 ) {
@@ -129,18 +129,18 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                walk_one::<R, ANY>(octree, primitives, packet, lane, child, scratch);
+                walk_one::<R, ANY>(octree, slices, packet, lane, child, scratch);
             }
         } else if child.is_leaf() {
             scratch.counts.packet_leaves += 1;
             let (blocks, curved) = octree.leaf(child);
             for block in blocks {
-                test_block::<R, ANY>(&block, primitives, packet, mask, scratch);
+                test_block::<R, ANY>(&block, slices, packet, mask, scratch);
             }
             for &id in curved {
-                let mask = near_sphere::<R::F16>(primitives, id, &packet.rays(), R::F16::load(&packet.far), mask);
+                let mask = near_sphere::<R::F16>(slices, id, &packet.rays(), R::F16::load(&packet.far), mask);
                 if mask != 0 {
-                    primitives.test_curved::<ANY>(packet, mask, id);
+                    slices.test_curved::<ANY>(packet, mask, id);
                 }
             }
         } else {
@@ -204,7 +204,7 @@ fn meet<R: Registers>(branch: &Branch, octant: usize, packet: &Packet, sides: &[
 #[inline(always)]
 fn test_block<R: Registers, const ANY: bool>(
     block: &Block<'_>,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     mask: u32,
     scratch: &mut Scratch,
@@ -220,7 +220,7 @@ fn test_block<R: Registers, const ANY: bool>(
             let at = which.trailing_zeros() as usize;
             which &= which - 1;
             scratch.counts.tests += 1;
-            test_one::<R, ANY>(block, at, primitives, packet, mask, scratch);
+            test_one::<R, ANY>(block, at, slices, packet, mask, scratch);
         }
     } else {
         let mut rest = if ANY { mask & packet.active } else { mask };
@@ -228,7 +228,7 @@ fn test_block<R: Registers, const ANY: bool>(
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             scratch.counts.tests += 1;
-            test_lane::<R::F16, ANY>(&triangles, block, which, primitives, packet, lane, scratch);
+            test_lane::<R::F16, ANY>(&triangles, block, which, slices, packet, lane, scratch);
         }
     }
 }
@@ -257,9 +257,9 @@ fn near_any<R: Registers>(block: &Block<'_>, packet: &Packet) -> u32 {
 /// In f32, with a slack of four times what a distance from the ray is off by: the origin's from the centre is at most
 /// 2√3, and there are seven roundings of 2⁻²⁴ of it.
 #[inline(always)]
-fn near_sphere<L: Singles>(primitives: &Primitives<'_>, id: u32, rays: &Rays<L>, far: L, mask: u32) -> u32 {
+fn near_sphere<L: Singles>(slices: &Slices<'_>, id: u32, rays: &Rays<L>, far: L, mask: u32) -> u32 {
     const SLACK: f32 = 1.0 / (1 << 16) as f32;
-    let Some(sphere) = primitives.spheres.get(id as usize - primitives.triangles.len()) else { return mask };
+    let Some(sphere) = slices.spheres.get(id as usize - slices.triangles.len()) else { return mask };
     let to_centre = sub(splat(sphere.centre), rays.origin);
     // Directions are no longer than 1: so are distances along them no shorter in units of the ray parameter.
     let inverse_square = L::splat(1.0).div(dot(rays.direction, rays.direction));
@@ -277,7 +277,7 @@ fn near_sphere<L: Singles>(primitives: &Primitives<'_>, id: u32, rays: &Rays<L>,
 fn test_one<R: Registers, const ANY: bool>(
     block: &Block<'_>,
     at: usize,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     mask: u32,
     scratch: &mut Scratch,
@@ -315,7 +315,7 @@ fn test_one<R: Registers, const ANY: bool>(
         let lane = contended.trailing_zeros() as usize;
         contended &= contended - 1;
         scratch.counts.contended += 1;
-        primitives.contend::<ANY>(packet, lane, id);
+        slices.contend::<ANY>(packet, lane, id);
     }
 }
 
@@ -325,7 +325,7 @@ fn test_lane<L: Singles, const ANY: bool>(
     triangles: &Triangles<L>,
     block: &Block<'_>,
     which: u32,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     lane: usize,
     scratch: &mut Scratch,
@@ -347,7 +347,7 @@ fn test_lane<L: Singles, const ANY: bool>(
             let at = possible.trailing_zeros() as usize;
             possible &= possible - 1;
             scratch.counts.contended += 1;
-            primitives.contend::<ANY>(packet, lane, block.id(at));
+            slices.contend::<ANY>(packet, lane, block.id(at));
         }
         return;
     }
@@ -367,7 +367,7 @@ fn test_lane<L: Singles, const ANY: bool>(
             packet.set_hit(lane, id, least[at], most[at], false);
         } else if !(certain && packet.far[lane] < least[at]) {
             scratch.counts.contended += 1;
-            primitives.contend::<ANY>(packet, lane, id);
+            slices.contend::<ANY>(packet, lane, id);
         }
     }
 }
@@ -376,7 +376,7 @@ fn test_lane<L: Singles, const ANY: bool>(
 #[inline(always)]
 fn walk_one<R: Registers, const ANY: bool>(
     octree: &WideOctree,
-    primitives: &Primitives<'_>,
+    slices: &Slices<'_>,
     packet: &mut Packet,
     lane: usize,
     child: Child,
@@ -397,15 +397,15 @@ fn walk_one<R: Registers, const ANY: bool>(
                 scratch.counts.tests += 1;
                 if block.count <= 8 {
                     let triangles = Triangles::<R::F8>::of_block(&block);
-                    test_lane::<R::F8, ANY>(&triangles, &block, which, primitives, packet, lane, scratch);
+                    test_lane::<R::F8, ANY>(&triangles, &block, which, slices, packet, lane, scratch);
                 } else {
                     let triangles = Triangles::<R::F16>::of_block(&block);
-                    test_lane::<R::F16, ANY>(&triangles, &block, which, primitives, packet, lane, scratch);
+                    test_lane::<R::F16, ANY>(&triangles, &block, which, slices, packet, lane, scratch);
                 }
             }
             for &id in curved {
-                if near_sphere::<f32>(primitives, id, &packet.one_ray(lane), packet.far[lane], 1) != 0 {
-                    primitives.test_curved::<ANY>(packet, 1 << lane, id);
+                if near_sphere::<f32>(slices, id, &packet.one_ray(lane), packet.far[lane], 1) != 0 {
+                    slices.test_curved::<ANY>(packet, 1 << lane, id);
                 }
             }
             if ANY && packet.active >> lane & 1 == 0 {

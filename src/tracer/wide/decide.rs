@@ -1,32 +1,13 @@
-//! The primitives themselves, for what packets leave to be decided: one ray, one primitive, by the very functions of
-//! the single-ray kernel.
+//! What packets leave to be decided: one ray, one primitive, by the very functions of the single-ray kernel.
 
 use super::packet::Packet;
-use crate::database::Section;
-use crate::database::records::{Cone, PrimitiveId, Sphere, Triangle};
-use crate::database::verify::Verified;
+use crate::database::records::PrimitiveId;
 use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::primitives::{cone, sphere, triangle::Shear};
 use crate::tracer::ray::{Ray, Source};
+use crate::tracer::slices::Slices;
 
-/// Slices of a verified database.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Primitives<'a> {
-    pub triangles: &'a [Triangle],
-    pub spheres: &'a [Sphere],
-    pub cones: &'a [Cone],
-}
-
-impl<'a> Primitives<'a> {
-    pub(super) fn new(database: &'a Verified) -> Self {
-        let database = database.database();
-        Self {
-            triangles: database.records(Section::Triangles),
-            spheres: database.records(Section::Spheres),
-            cones: database.records(Section::Cones),
-        }
-    }
-
+impl Slices<'_> {
     /// The hit of one primitive; whatever its distance.
     pub(super) fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
         let (primitive, index) = (PrimitiveId(id), id as usize);

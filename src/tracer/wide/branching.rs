@@ -1,0 +1,111 @@
+//! What surfaces reflect and refract: the next wave.
+
+use glam::{DVec3, Vec3};
+
+use super::surfaces::{DOUBLES, Surfaces};
+use super::wave::{Origin, Wave};
+use crate::tracer::TraceStats;
+use crate::tracer::memory_port::RayKind;
+use crate::tracer::optics::refract;
+use crate::tracer::ray::{Ray, Source, moved_off};
+use crate::tracer::simd::lanes::Doubles;
+use crate::tracer::simd::{Registers, Task};
+use crate::tracer::slices::Slices;
+use crate::tracer::vector::{load, normalise};
+
+/// Makes the next wave: what surfaces reflect and refract.
+pub(super) struct Branching<'t, 'a> {
+    pub surfaces: &'t Surfaces,
+    pub wave: &'t Wave,
+    pub slices: &'t Slices<'a>,
+    pub cutoff: f32,
+    pub next: &'t mut Wave,
+    pub stats: &'t mut TraceStats,
+}
+
+impl Task for Branching<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(mut self) {
+        let (surfaces, slices) = (self.surfaces, self.slices);
+        let mut reflected = Reflected::default();
+        self.next.reserve(2 * surfaces.count);
+        for first in (0..surfaces.count).step_by(DOUBLES) {
+            let lanes = first..surfaces.count.min(first + DOUBLES);
+            if lanes.clone().any(|at| surfaces.material(slices, at).is_branching()) {
+                reflected.compute::<R::D8>(surfaces, first);
+                for at in lanes {
+                    self.branch(at, &reflected);
+                }
+            }
+        }
+    }
+}
+
+/// Origins and directions of reflected rays, side by side.
+#[derive(Default)]
+struct Reflected {
+    origin: [[f32; DOUBLES]; 3],
+    direction: [[f32; DOUBLES]; 3],
+}
+
+impl Reflected {
+    #[inline(always)]
+    fn compute<L: Doubles>(&mut self, surfaces: &Surfaces, first: usize) {
+        let direction = normalise(load::<L, _>(&surfaces.mirrored, first));
+        let origin = moved_off(load(&surfaces.position, first), load(&surfaces.outward, first), direction);
+        for axis in 0..3 {
+            origin[axis].narrow(&mut self.origin[axis]);
+            direction[axis].narrow(&mut self.direction[axis]);
+        }
+    }
+
+    #[inline(always)]
+    fn ray(&self, lane: usize, source: Source) -> Ray {
+        Ray {
+            origin: [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]],
+            direction: [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]],
+            t_max: f32::INFINITY,
+            source,
+        }
+    }
+}
+
+impl Branching<'_, '_> {
+    /// Adds to the next wave what a surface reflects and refracts.
+    #[inline(always)]
+    fn branch(&mut self, at: usize, reflected: &Reflected) {
+        let Self { surfaces, wave, .. } = *self;
+        let material = surfaces.material(self.slices, at);
+        let parent = surfaces.ray[at];
+        let weight = wave.origins[parent as usize].weight;
+        let mut reflection = Vec3::from(material.reflection);
+        let mut refracted = None;
+        if material.transmittance > 0.0 {
+            let point = surfaces.point(at);
+            let normal = DVec3::new(surfaces.normal[0][at], surfaces.normal[1][at], surfaces.normal[2][at]);
+            let direction = refract(material, point.normal, normal, wave.rays[parent as usize].direction_f64());
+            if direction.is_none() {
+                // Total internal reflection: what cannot leave is reflected.
+                reflection += material.transmittance;
+            }
+            refracted = direction.map(|direction| {
+                Ray::leaving(point.position, point.normal, direction.normalize(), f32::INFINITY, point.source)
+            });
+        }
+        let origin = |share: Vec3| Origin { parent, weight: weight * share.max_element(), share };
+        let reflection = origin(reflection);
+        if reflection.weight > self.cutoff {
+            self.stats.rays[RayKind::Reflection as usize] += 1;
+            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), reflection);
+        }
+        let refraction = origin(Vec3::splat(material.transmittance));
+        if let Some(ray) = refracted
+            && refraction.weight > self.cutoff
+        {
+            self.stats.rays[RayKind::Refraction as usize] += 1;
+            self.next.push(ray, refraction);
+        }
+    }
+}
