@@ -1,16 +1,18 @@
 //! One branch of the octree on a ray's way: its planes, and the children that the ray crosses, in order.
 
-use crate::tracer::simd::four::F32x4;
+use glam::{BVec4A, Vec4, Vec4Swizzles};
+
+use super::prepared::least_axis;
 
 /// A branch that the ray is in, and what is left of its way. Lanes are the axes.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Branch {
     /// Half the ray parameters of the cell's near and far planes: the mid planes are their sum, and the halves of
     /// these are planes of the children.
-    near: F32x4,
-    far: F32x4,
+    near: Vec4,
+    far: Vec4,
     /// Ray parameters of the mid planes; the fourth: where the ray leaves the cell.
-    mid: F32x4,
+    mid: Vec4,
     /// First word of the children, mirrored.
     words: u32,
     /// The children to come, a byte each: bits 0 to 2 are the child, mirrored; bits 3 and 4 the axis whose mid
@@ -22,22 +24,19 @@ pub(super) struct Branch {
     pub level: u32,
 }
 
-/// All set in the lanes of an octant's axes.
-const UPPER: [[u32; 4]; 8] = {
-    let mut masks = [[0; 4]; 8];
+/// Set in the lanes of an octant's axes.
+const UPPER: [BVec4A; 8] = {
+    let mut masks = [BVec4A::FALSE; 8];
     let mut child = 0;
     while child < 8 {
-        let mut axis = 0;
-        while axis < 3 {
-            if child >> axis & 1 == 1 {
-                masks[child][axis] = u32::MAX;
-            }
-            axis += 1;
-        }
+        masks[child] = BVec4A::new(child & 1 != 0, child & 2 != 0, child & 4 != 0, false);
         child += 1;
     }
     masks
 };
+
+/// Set in the lane that is of no axis.
+const FOURTH: BVec4A = BVec4A::new(false, false, false, true);
 
 const LAST: u32 = 3;
 
@@ -80,8 +79,8 @@ const fn steps(mut crossed: u32, order: u32) -> u32 {
 #[derive(Clone, Copy)]
 pub(super) struct Step {
     /// Half the ray parameters of its planes.
-    pub near: F32x4,
-    pub far: F32x4,
+    pub near: Vec4,
+    pub far: Vec4,
     /// Its octree word.
     pub word: u32,
     pub level: u32,
@@ -97,8 +96,8 @@ const HALF: f32 = 0.5;
 impl Step {
     /// Into the root.
     #[inline(always)]
-    pub(super) fn root(near: F32x4, far: F32x4, enter: f32, leave: f32) -> Self {
-        let half = F32x4::splat(HALF);
+    pub(super) fn root(near: Vec4, far: Vec4, enter: f32, leave: f32) -> Self {
+        let half = Vec4::splat(HALF);
         Self { near: near * half, far: far * half, word: 0, level: 0, enter, leave, is_last: true }
     }
 }
@@ -107,21 +106,21 @@ impl Branch {
     /// The branch that a step leads to, whose children are the block `words`, mirrored; and the step to the first
     /// of them. By masks and minima, since what lies deeper waits for it; the other steps are from a table.
     #[inline(always)]
-    pub(super) fn enter(at: Step, mid: F32x4, words: u32) -> (Self, Step) {
-        let (leaves, middle) = (F32x4::splat(at.leave), mid * F32x4::splat(HALF));
-        let upper = mid.less_or_equal(F32x4::splat(at.enter));
-        let (near, far) = (upper.select(middle, at.near), upper.select(at.far, middle));
-        let leave = upper.select(leaves, mid).min_axis();
+    pub(super) fn enter(at: Step, mid: Vec4, words: u32) -> (Self, Step) {
+        let (leaves, middle) = (Vec4::splat(at.leave), mid * Vec4::splat(HALF));
+        let upper = mid.cmple(Vec4::splat(at.enter));
+        let (near, far) = (Vec4::select(upper, middle, at.near), Vec4::select(upper, at.far, middle));
+        let leave = least_axis(Vec4::select(upper, leaves, mid));
         let leave = if leave < at.leave { leave } else { at.leave };
-        let first = upper.signs() & 7;
-        let crossed = mid.less(leaves).signs() & !first & 7;
+        let first = upper.bitmask() & 7;
+        let crossed = mid.cmplt(leaves).bitmask() & !first & 7;
         // x, y, x not after y, z, z.
-        let order = mid.shuffle::<0b11_00_01_00>().less_or_equal(mid.shuffle::<0b11_10_10_01>()).signs() & 7;
+        let order = mid.xyxw().cmple(mid.yzzw()).bitmask() & 7;
         let each = first * 0x0101_0101;
         let steps = STEPS[(crossed << 3 | order) as usize] | each;
         let level = at.level + 1;
         let step = Step { near, far, word: words ^ first, level, enter: at.enter, leave, is_last: crossed == 0 };
-        let mid = mid.with_last(leaves);
+        let mid = Vec4::select(FOURTH, leaves, mid);
         (Self { near: at.near, far: at.far, mid, words, steps: steps >> 8, enter: leave, level }, step)
     }
 
@@ -130,11 +129,11 @@ impl Branch {
     pub(super) fn step(&mut self) -> Step {
         let axis = self.steps >> 3 & 3;
         let child = self.steps & 7;
-        let upper = F32x4::mask(UPPER[child as usize]);
-        let middle = self.mid * F32x4::splat(HALF);
+        let upper = UPPER[child as usize];
+        let middle = self.mid * Vec4::splat(HALF);
         let step = Step {
-            near: upper.select(middle, self.near),
-            far: upper.select(self.far, middle),
+            near: Vec4::select(upper, middle, self.near),
+            far: Vec4::select(upper, self.far, middle),
             word: self.words ^ child,
             level: self.level,
             enter: self.enter,

@@ -5,12 +5,13 @@
 //! Decided in f64 where its rounding cannot matter, exactly where it could; most triangles that are no hit are
 //! told by a bound in f32 before.
 
+use glam::Vec4;
+
 use super::exact::{ExactSum, Vector, add_side, volume};
 use super::four_triangles::FourTriangles;
 use super::whole_numbers::{Volumes, volumes};
 use crate::database::records::Triangle;
 use crate::tracer::ray::Ray;
-use crate::tracer::simd::four::F32x4;
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::vector::V3;
 
@@ -139,8 +140,8 @@ impl Shear {
         let coordinates = four.coordinates();
         let [x, y, z] = self.axes;
         let (px, py, pz) = (&coordinates[x as usize], &coordinates[y as usize], &coordinates[z as usize]);
-        let [ox, oy, oz] = self.origin.map(F32x4::splat);
-        let [sx, sy] = self.shear.map(F32x4::splat);
+        let [ox, oy, oz] = self.origin.map(Vec4::splat);
+        let [sx, sy] = self.shear.map(Vec4::splat);
         let vertex = |v: usize| {
             let along = pz[v] - oz;
             [px[v] - ox - sx * along, py[v] - oy - sy * along]
@@ -150,11 +151,11 @@ impl Shear {
         let v = a[0] * c[1] - a[1] * c[0];
         let w = b[0] * a[1] - b[1] * a[0];
         let magnitude = (a[0].abs() + a[1].abs()) + (b[0].abs() + b[1].abs()) + (c[0].abs() + c[1].abs());
-        let slack = F32x4::splat(8.0 * Self::COORDINATE_ERROR);
-        let error = F32x4::splat(2.0 * Self::COORDINATE_ERROR) * (magnitude + slack);
+        let slack = Vec4::splat(8.0 * Self::COORDINATE_ERROR);
+        let error = Vec4::splat(2.0 * Self::COORDINATE_ERROR) * (magnitude + slack);
         let (least, most) = (u.min(v.min(w)), u.max(v.max(w)));
-        let surely_missed = (least + error).less(F32x4::splat(0.0)).and(error.less(most));
-        !surely_missed.signs() & 0b1111
+        let surely_missed = (least + error).cmplt(Vec4::ZERO) & error.cmplt(most);
+        !surely_missed.bitmask() & 0b1111
     }
 
     /// The hit with `t` at or after the ray's origin. A triangle without area is never hit; a ray through an

@@ -1,6 +1,5 @@
 //! Which vector instructions the fast kernel uses. All of them give the same bits.
 
-pub mod four;
 pub mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod x86;
