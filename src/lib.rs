@@ -20,6 +20,7 @@ pub mod progress;
 pub mod protocol;
 pub mod recording;
 pub mod render;
+pub mod replay;
 pub mod report;
 pub mod scene;
 pub mod telemetry;

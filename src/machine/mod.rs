@@ -7,6 +7,7 @@ pub mod arbiter;
 pub mod bus;
 pub mod cluster_memory;
 pub mod local_memory;
+pub mod references;
 pub mod replacement;
 pub mod stats;
 pub mod transaction;

@@ -1,0 +1,166 @@
+//! What a tracer reads, before any memory sees it: a stream of words that can be replayed through other memories.
+//!
+//! A word is a read of a record or a mark. Records are numbered through all sections of the image in order:
+//! record `i` of a section has the number of records in the sections before it, plus `i`. That is below 2³⁰, as an
+//! image of at most 2³² bytes has no more records of at least four.
+
+use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use crate::database::{Layout, Section};
+use crate::tracer::{MemoryPort, RayKind};
+
+/// A word of a reference stream.
+///
+/// Bits 31–30: 0 a read; 1 a write and 2 an invalidation, which no version writes yet, each of the record that bits
+/// 29–0 number; 3 a mark. Bits 29–24 of a mark tell what it marks: 0 a ray's start, its kind in bits 23–0.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Word(pub u32);
+
+/// What a [`Word`] says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Event {
+    /// Of the record with this number.
+    Read(u32),
+    /// The reads from here on are made for a ray of this kind; a primary one begins the tile's next pixel, row by row.
+    Ray(RayKind),
+}
+
+impl Word {
+    const MARK: u32 = 3 << 30;
+
+    #[inline(always)]
+    pub const fn read(record: u32) -> Self {
+        Self(record)
+    }
+
+    pub const fn ray(kind: RayKind) -> Self {
+        Self(Self::MARK | kind as u32)
+    }
+
+    /// Whether it is a read; bits 29–0 are its record then.
+    #[inline(always)]
+    pub const fn is_read(self) -> bool {
+        self.0 < 1 << 30
+    }
+
+    /// `None` for what no version writes yet.
+    #[inline(always)]
+    pub fn decode(self) -> Option<Event> {
+        if self.is_read() {
+            return Some(Event::Read(self.0));
+        }
+        let kind = self.0.checked_sub(Self::MARK)?;
+        RayKind::ALL.get(kind as usize).map(|&kind| Event::Ray(kind))
+    }
+}
+
+/// The numbers of records across sections.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct RecordNumbers {
+    /// The number of each section's first record, and that of all records.
+    first: [u32; Section::COUNT + 1],
+}
+
+impl RecordNumbers {
+    pub fn new(layout: &Layout) -> Self {
+        let mut first = [0; Section::COUNT + 1];
+        for section in Section::ALL {
+            // Below 2³⁰, as above.
+            first[section as usize + 1] = first[section as usize] + layout.span(section).records as u32;
+        }
+        Self { first }
+    }
+
+    /// Of all sections.
+    pub fn count(&self) -> u32 {
+        self.first[Section::COUNT]
+    }
+
+    #[inline(always)]
+    pub fn number(&self, section: Section, index: u32) -> u32 {
+        self.first[section as usize] + index
+    }
+
+    /// The section of a record, and its index there. Numbers too large are in the last section.
+    #[inline(always)]
+    pub fn place(&self, record: u32) -> (Section, u32) {
+        let mut section = 0;
+        for first in &self.first[1..Section::COUNT] {
+            section += usize::from(record >= *first);
+        }
+        (Section::ALL[section], record - self.first[section])
+    }
+}
+
+/// A stream is kept in parts of about so many words, which end where a ray does.
+pub const PART_WORDS: usize = 1 << 16;
+
+/// A port that writes down what is read through it.
+#[derive(Debug)]
+pub struct Recorder<'a, M, F> {
+    port: &'a mut M,
+    numbers: RecordNumbers,
+    words: &'a mut Vec<u32>,
+    keep: F,
+}
+
+impl<'a, M, F: FnMut(&[u32])> Recorder<'a, M, F> {
+    /// Collects in `words`, which is empty, and gives each full part to `keep`. The last part stays in `words`.
+    pub fn new(port: &'a mut M, numbers: RecordNumbers, words: &'a mut Vec<u32>, keep: F) -> Self {
+        Self { port, numbers, words, keep }
+    }
+
+    #[inline(always)]
+    fn note(&mut self, section: Section, index: u32) {
+        self.words.push(Word::read(self.numbers.number(section, index)).0);
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn keep_part(&mut self) {
+        (self.keep)(self.words);
+        self.words.clear();
+    }
+}
+
+macro_rules! noted_read {
+    ($($read:ident: $section:ident -> $record:ty),* $(,)?) => {$(
+        #[inline(always)]
+        fn $read(&mut self, index: u32) -> Result<$record, M::Error> {
+            self.note(Section::$section, index);
+            self.port.$read(index)
+        }
+    )*};
+}
+
+impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
+    type Error = M::Error;
+
+    #[inline(always)]
+    fn set_ray_kind(&mut self, kind: RayKind) {
+        if self.words.len() >= PART_WORDS {
+            self.keep_part();
+        }
+        self.words.push(Word::ray(kind).0);
+        self.port.set_ray_kind(kind);
+    }
+
+    #[inline(always)]
+    fn octree_node(&mut self, index: u32, level: u32) -> Result<OctreeWord, M::Error> {
+        self.note(Section::OctreeNodes, index);
+        self.port.octree_node(index, level)
+    }
+
+    noted_read! {
+        leaf_entry: LeafLists -> LeafEntry,
+        triangle: Triangles -> Triangle,
+        sphere: Spheres -> Sphere,
+        cone: Cones -> Cone,
+        surface: Surfaces -> Surface,
+        normals: Normals -> Normals,
+        material: Materials -> Material,
+    }
+
+    fn corrupt(&mut self, what: &'static str) -> M::Error {
+        self.port.corrupt(what)
+    }
+}

@@ -1,0 +1,9 @@
+//! Recordings of references, replayed: what other memories, node counts and buses would have made of them.
+//!
+//! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
+
+pub mod lines;
+pub mod trace;
+
+pub use lines::{Lines, RecordLines};
+pub use trace::{Trace, TraceError, TracedTile};
