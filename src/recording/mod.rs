@@ -4,6 +4,7 @@
 //! and the thread behind it in `writer`.
 
 mod format;
+pub mod frames;
 mod row_stream;
 mod writer;
 
