@@ -5,8 +5,9 @@
 pub mod count;
 pub mod detail;
 pub mod lines;
+pub mod live;
+pub mod parallel;
 pub mod schedule;
-pub mod trace;
 
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use lines::{Lines, RecordLines};
-pub use trace::{Trace, TraceError, TracedTile};
