@@ -2,8 +2,10 @@
 //!
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
+pub mod captured;
 pub mod lines;
 pub mod trace;
 
+pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
 pub use trace::{Trace, TraceError, TracedTile};
