@@ -2,6 +2,7 @@
 //!
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
+pub mod captured;
 pub mod count;
 pub mod detail;
 pub mod lines;
@@ -10,4 +11,5 @@ pub mod parallel;
 pub mod schedule;
 
 pub use crate::machine::trace::{Trace, TraceError, TracedTile};
+pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
