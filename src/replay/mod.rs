@@ -5,10 +5,14 @@
 pub mod captured;
 pub mod count;
 pub mod detail;
+pub mod evaluation;
+pub mod grid;
 pub mod lines;
 pub mod live;
 pub mod parallel;
 pub mod schedule;
+pub mod setting;
+pub mod subject;
 
 pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;

@@ -29,10 +29,12 @@ impl Schedule {
         Self { nodes: schedule }
     }
 
-    /// Tile after tile to node after node; `tiles` in the order in which they are handed out.
-    pub fn interleaved(tiles: &[u32], nodes: u16) -> Self {
-        let share = |node: usize| tiles.iter().skip(node).step_by(usize::from(nodes)).copied().collect();
-        Self { nodes: (0..usize::from(nodes)).map(|node| vec![share(node)]).collect() }
+    /// Tile after tile to node after node; `tiles` in the order in which they are handed out, `None` for one that
+    /// the trace does not have.
+    pub fn interleaved(tiles: &[Option<u32>], nodes: u32) -> Self {
+        let nodes = nodes as usize;
+        let share = |node| tiles.iter().skip(node).step_by(nodes).copied().flatten().collect();
+        Self { nodes: (0..nodes).map(|node| vec![share(node)]).collect() }
     }
 
     /// The nodes and what each traces.
