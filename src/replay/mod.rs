@@ -2,8 +2,18 @@
 //!
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
+pub mod captured;
+pub mod count;
+pub mod detail;
+pub mod evaluation;
+pub mod grid;
 pub mod lines;
-pub mod trace;
+pub mod live;
+pub mod parallel;
+pub mod schedule;
+pub mod setting;
+pub mod subject;
 
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
+pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
-pub use trace::{Trace, TraceError, TracedTile};
