@@ -3,6 +3,7 @@
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
 pub mod captured;
+pub mod contention;
 pub mod count;
 pub mod detail;
 pub mod evaluation;
@@ -13,7 +14,10 @@ pub mod parallel;
 pub mod schedule;
 pub mod setting;
 pub mod subject;
+pub mod timing;
+pub mod work;
 
 pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
+pub use count::Tally;
 pub use lines::{Lines, RecordLines};
