@@ -4,9 +4,12 @@
 
 pub mod captured;
 pub mod count;
+pub mod curve;
 pub mod detail;
 pub mod lines;
+pub mod reads;
 pub mod schedule;
+pub mod stack_distance;
 pub mod trace;
 
 pub use captured::Captured;
