@@ -7,10 +7,14 @@ pub mod count;
 pub mod curve;
 pub mod detail;
 pub mod lines;
+pub mod miss_classes;
+pub mod next_use;
+pub mod optimal;
 pub mod reads;
 pub mod schedule;
 pub mod stack_distance;
 pub mod trace;
+pub mod verify;
 
 pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
