@@ -7,15 +7,16 @@ pub mod count;
 pub mod curve;
 pub mod detail;
 pub mod lines;
+pub mod live;
 pub mod miss_classes;
 pub mod next_use;
 pub mod optimal;
+pub mod parallel;
 pub mod reads;
 pub mod schedule;
 pub mod stack_distance;
-pub mod trace;
 pub mod verify;
 
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
-pub use trace::{Trace, TraceError, TracedTile};
