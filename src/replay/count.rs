@@ -135,14 +135,14 @@ fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
 }
 
 /// Sums [`Totals`]; what belongs to tiles that were not accepted is left out.
-pub struct Sum<'a, T> {
+pub struct Sum<'a, T: ?Sized> {
     trace: &'a T,
     accepted: bool,
     now: Totals,
     pub totals: Totals,
 }
 
-impl<'a, T: Trace> Sum<'a, T> {
+impl<'a, T: Trace + ?Sized> Sum<'a, T> {
     pub fn new(trace: &'a T) -> Self {
         Self { trace, accepted: false, now: Totals::default(), totals: Totals::default() }
     }
@@ -161,7 +161,7 @@ impl<'a, T: Trace> Sum<'a, T> {
     }
 }
 
-impl<T: Trace> Tally for Sum<'_, T> {
+impl<T: Trace + ?Sized> Tally for Sum<'_, T> {
     fn tile(&mut self, tile: u32) {
         self.book();
         self.accepted = self.trace.tiles()[tile as usize].accepted;
