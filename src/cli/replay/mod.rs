@@ -25,6 +25,9 @@ pub struct ReplayArguments {
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
+    /// Also divide misses into compulsory, capacity and conflict misses
+    #[arg(long)]
+    classes: bool,
     /// Also simulate the buses, in cycles of the recorded cost model
     #[arg(long)]
     timings: bool,
@@ -111,7 +114,7 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let recorded = Setting::recorded(&recording.topology);
     let settings = arguments.grid.grid().settings(recorded).map_err(Failure::bad_input)?;
     let varies_bus = !arguments.grid.arbiter.is_empty() || arguments.grid.bus_width.is_some();
-    let evaluation = Evaluation { timings: arguments.timings || varies_bus, damage };
+    let evaluation = Evaluation { timings: arguments.timings || varies_bus, classes: arguments.classes, damage };
     let rows =
         evaluate(&recording, &settings, &evaluation, |_| {}).map_err(|error| Failure::bad_input(error.to_string()))?;
     print(&rendered(&rows, arguments.format)?)

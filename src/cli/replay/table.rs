@@ -45,7 +45,7 @@ const SETTINGS: [&str; 10] = [
     "bus_width",
     "arbiter",
 ];
-const COUNTS: [&str; 13] = [
+const COUNTS: [&str; 16] = [
     "local_bytes",
     "record_accesses",
     "misses",
@@ -53,6 +53,9 @@ const COUNTS: [&str; 13] = [
     "words_read",
     "words_moved",
     "words_moved_per_word_read",
+    "compulsory_misses",
+    "capacity_misses",
+    "conflict_misses",
     "cycles",
     "efficiency",
     "bus_utilisation",
