@@ -4,6 +4,7 @@
 
 pub mod captured;
 pub mod contention;
+pub mod contention_table;
 pub mod count;
 pub mod curve;
 pub mod detail;
