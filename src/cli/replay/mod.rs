@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use self::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount};
 use super::{Failure, json, print};
 use crate::recording::references::{Opened, Recording};
-use crate::replay::evaluation::{Row, evaluate};
+use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::grid::Grid;
 use crate::replay::setting::{ArbiterName, Assignment, Policy, Setting};
 use crate::topology::TileOrder;
@@ -25,6 +25,12 @@ pub struct ReplayArguments {
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
+    /// Also divide misses into compulsory, capacity and conflict misses
+    #[arg(long)]
+    classes: bool,
+    /// Also simulate the buses, in cycles of the recorded cost model
+    #[arg(long)]
+    timings: bool,
     /// How the table is printed
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -107,8 +113,10 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let damage = damage(&faults, arguments.partial)?;
     let recorded = Setting::recorded(&recording.topology);
     let settings = arguments.grid.grid().settings(recorded).map_err(Failure::bad_input)?;
-    let rows = evaluate(&recording, &settings, damage.as_deref(), |_| {})
-        .map_err(|error| Failure::bad_input(error.to_string()))?;
+    let varies_bus = !arguments.grid.arbiter.is_empty() || arguments.grid.bus_width.is_some();
+    let evaluation = Evaluation { timings: arguments.timings || varies_bus, classes: arguments.classes, damage };
+    let rows =
+        evaluate(&recording, &settings, &evaluation, |_| {}).map_err(|error| Failure::bad_input(error.to_string()))?;
     print(&rendered(&rows, arguments.format)?)
 }
 

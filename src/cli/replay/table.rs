@@ -17,7 +17,8 @@ pub(super) fn text(rows: &[Row]) -> Result<String, Failure> {
     let mut out = String::new();
     let same = same.iter().map(|&column| format!("{} {}", column.replace('_', " "), cell(column, &first[column])));
     let _ = writeln!(out, "{}\n", same.collect::<Vec<_>>().join(", "));
-    let columns: Vec<&str> = varied.into_iter().chain(COUNTS.into_iter().filter(|c| first.contains_key(*c))).collect();
+    let counted = |column: &&str| objects.iter().any(|row| row.get(*column).is_some_and(|value| !value.is_null()));
+    let columns: Vec<&str> = varied.into_iter().chain(COUNTS.into_iter().filter(counted)).collect();
     let mut lines = vec![columns.iter().map(|column| (*column).replace('_', " ")).collect::<Vec<_>>()];
     lines.extend(objects.iter().map(|row| columns.iter().map(|&column| cell(column, &row[column])).collect()));
     let widths: Vec<usize> =
@@ -44,7 +45,7 @@ const SETTINGS: [&str; 10] = [
     "bus_width",
     "arbiter",
 ];
-const COUNTS: [&str; 12] = [
+const COUNTS: [&str; 16] = [
     "local_bytes",
     "record_accesses",
     "misses",
@@ -52,10 +53,14 @@ const COUNTS: [&str; 12] = [
     "words_read",
     "words_moved",
     "words_moved_per_word_read",
+    "compulsory_misses",
+    "capacity_misses",
+    "conflict_misses",
     "cycles",
     "efficiency",
     "bus_utilisation",
-    "mean_wait",
+    "wait_mean",
+    "wait_percentile_99",
     "exact",
 ];
 
