@@ -2,6 +2,7 @@
 //!
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
+pub mod contention;
 pub mod count;
 pub mod detail;
 pub mod lines;
