@@ -24,5 +24,6 @@ pub mod replay;
 pub mod report;
 pub mod scene;
 pub mod telemetry;
+pub mod tile_order;
 pub mod topology;
 pub mod tracer;

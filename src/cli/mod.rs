@@ -6,6 +6,7 @@ pub mod failure;
 pub mod inspect;
 pub mod options;
 pub mod render;
+pub mod replay;
 pub mod run;
 pub mod scene;
 pub mod schema;
@@ -33,6 +34,7 @@ enum Command {
     Scene(scene::SceneArguments),
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
+    Replay(Box<replay::ReplayArguments>),
     Verify(verify::VerifyArguments),
     Schema(schema::SchemaArguments),
 }
@@ -47,6 +49,7 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
         }

@@ -21,7 +21,11 @@ impl Topology {
         Self::from_source(&Source::read(path, FILE_BYTES_MAX)?, overrides)
     }
 
-    fn from_source(source: &Source, overrides: &[Override]) -> Result<Self, SourceError> {
+    /// [`Self::read`] of bytes that are there already.
+    ///
+    /// # Errors
+    /// As of `read`.
+    pub(crate) fn from_source(source: &Source, overrides: &[Override]) -> Result<Self, SourceError> {
         let document = Document::parse(source, overrides)?;
         document.read::<Preamble>()?;
         let written: File = document.read()?;

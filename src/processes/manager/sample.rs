@@ -37,6 +37,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         tiling: Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 },
         aov: AovSet::default(),
         exr: false,
+        record_references: false,
         image: "out/image.png".into(),
         recording: "out/recording".into(),
     }
