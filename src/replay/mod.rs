@@ -19,7 +19,6 @@ pub mod next_use;
 pub mod optimal;
 pub mod origins;
 pub mod parallel;
-pub mod parallel;
 pub mod pixels;
 pub mod reads;
 pub mod schedule;
