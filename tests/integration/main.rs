@@ -3,6 +3,7 @@
 mod bad_input;
 mod command;
 mod command_line;
+mod exports;
 mod faults;
 mod frames;
 mod play;
