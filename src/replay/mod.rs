@@ -17,3 +17,6 @@ pub mod subject;
 pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
+
+#[cfg(test)]
+mod tests;
