@@ -48,7 +48,7 @@ fn the_core_is_pure() {
 
 #[test]
 fn no_process_imports_another() {
-    let processes = ["manager", "master", "node", "bus", "display"];
+    let processes = ["manager", "master", "node", "bus", "display", "player"];
     for process in processes {
         for other in processes.into_iter().filter(|other| *other != process) {
             let names = [format!("processes::{other}"), format!("super::super::{other}")];

@@ -3,11 +3,16 @@
 use serde::Serialize;
 
 use super::count::{Replayer, Sum, Totals};
+use super::curve::{LruCurve, curve};
+use super::miss_classes::{MissClasses, classify};
+use super::optimal::optimal;
 use super::schedule::Schedule;
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
+use super::timing::{Timing, simulate_setting};
 use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
+use crate::machine::references::Word;
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
 
 /// A row of a replay's table.
@@ -27,9 +32,50 @@ pub struct Row {
     pub words_moved: u64,
     pub misses_per_record_access: f64,
     pub words_moved_per_word_read: f64,
+    /// The misses, divided; `None` where that was not asked for, or the assignment is not known beforehand.
+    pub compulsory_misses: Option<u64>,
+    pub capacity_misses: Option<u64>,
+    pub conflict_misses: Option<i64>,
+    /// In simulated cycles; `None` where the bus was not simulated.
+    pub cycles: Option<u64>,
+    pub efficiency: Option<f64>,
+    pub bus_utilisation: Option<f64>,
+    pub wait_mean: Option<f64>,
+    pub wait_percentile_99: Option<u64>,
+    /// Whether the counts are those that a live run would make.
     pub exact: bool,
-    /// Why it is not exact.
+    /// Why they are not.
     pub reason: Option<String>,
+}
+
+/// Why nobody can tell what a live run would count.
+const ON_DEMAND: &str =
+    "on demand, tiles go to the nodes that are first by the topology's cost model, which no live run follows exactly";
+
+/// What is to be simulated.
+#[derive(Clone, Debug, Default)]
+pub struct Evaluation {
+    /// Nodes sharing their buses, in cycles. On-demand assignment is simulated so whether or not.
+    pub timings: bool,
+    /// Whether misses are divided into compulsory, capacity and conflict misses.
+    pub classes: bool,
+    /// Why nothing is exact.
+    pub damage: Option<String>,
+}
+
+/// A part of the work.
+#[derive(Clone, Copy)]
+enum Job {
+    /// One node of a setting.
+    Count(usize, usize),
+    /// All nodes of a setting, and their buses.
+    Time(usize),
+}
+
+struct Done {
+    setting: usize,
+    totals: Totals,
+    timing: Option<Timing>,
 }
 
 /// Simulates settings; the rows are in their order. `tick` is called with every part of the work that is done, and how
@@ -40,7 +86,7 @@ pub struct Row {
 pub fn evaluate<S: Subject>(
     subject: &S,
     settings: &[Setting],
-    damage: Option<&str>,
+    evaluation: &Evaluation,
     tick: impl Fn(usize) + Sync,
 ) -> Result<Vec<Row>, TraceError> {
     let mut geometries = Vec::new();
@@ -50,29 +96,112 @@ pub fn evaluate<S: Subject>(
     }
     let words_read = words_read(subject)?;
     let schedules: Vec<_> = settings.iter().map(|setting| schedule(subject, setting)).collect();
-    let jobs = schedules.iter().enumerate().flat_map(|(i, schedule)| (0..schedule.nodes.len()).map(move |n| (i, n)));
-    let jobs: Vec<_> = jobs.collect();
-    let counted = parallel::map(&jobs, |&(i, node)| {
-        let setting = &settings[i];
-        let totals = count(subject, &schedules[i].nodes[node], setting.replacement, geometries[i]);
-        tick(jobs.len());
-        totals
-    });
-    let mut totals = vec![Totals::default(); settings.len()];
-    for (&(i, _), counted) in jobs.iter().zip(counted) {
-        totals[i].add(&counted?);
+    let mut jobs = Vec::new();
+    for (i, setting) in settings.iter().enumerate() {
+        if is_timed(setting, evaluation) {
+            jobs.push(Job::Time(i));
+        } else {
+            jobs.extend((0..schedules[i].nodes.len()).map(|node| Job::Count(i, node)));
+        }
     }
-    let row = |((setting, geometry), totals): ((&Setting, &Geometry), &Totals)| {
-        Row::new(*setting, *geometry, *totals, words_read, damage)
+    let done =
+        parallel::map(&jobs, |&job| {
+            let done =
+                match job {
+                    Job::Count(i, node) => {
+                        let processes = &schedules[i].nodes[node];
+                        count(subject, processes, settings[i].replacement, geometries[i]).map(|totals| Done {
+                            setting: i,
+                            totals,
+                            timing: None,
+                        })
+                    }
+                    Job::Time(i) => simulate_setting(subject, &settings[i], geometries[i])
+                        .map(|(timing, totals)| Done { setting: i, totals, timing: Some(timing) }),
+                };
+            tick(jobs.len());
+            done
+        });
+    let mut sums = vec![(Totals::default(), None); settings.len()];
+    for done in done {
+        let Done { setting, totals, timing } = done?;
+        sums[setting].0.add(&totals);
+        sums[setting].1 = timing;
+    }
+    let rows = settings.iter().zip(&geometries).zip(sums);
+    let row = |((setting, geometry), sum): ((&Setting, &Geometry), _)| {
+        Row::new(*setting, *geometry, sum, words_read, evaluation)
     };
-    Ok(settings.iter().zip(&geometries).zip(&totals).map(row).collect())
+    let mut rows: Vec<Row> = rows.map(row).collect();
+    if evaluation.classes {
+        divide_misses(subject, &schedules, &geometries, &mut rows)?;
+    }
+    Ok(rows)
+}
+
+/// Divides the misses of rows whose assignment is known beforehand, with one curve for all of the same references.
+fn divide_misses<S: Subject>(
+    subject: &S,
+    schedules: &[Schedule],
+    geometries: &[Geometry],
+    rows: &mut [Row],
+) -> Result<(), TraceError> {
+    let known: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].setting.assignment != Assignment::OnDemand).collect();
+    let mut jobs: Vec<usize> = Vec::new();
+    for &i in &known {
+        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
+        if !jobs.iter().any(is_same) {
+            jobs.push(i);
+        }
+    }
+    let curves = parallel::map(&jobs, |&i| cluster_curve(subject, &schedules[i], rows[i].setting.line));
+    let curves = curves.into_iter().collect::<Result<Vec<_>, _>>()?;
+    for i in known {
+        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
+        let Some(job) = jobs.iter().position(is_same) else { continue };
+        let row = &mut rows[i];
+        let actual = Totals {
+            record_accesses: row.record_accesses,
+            record_misses: row.misses,
+            line_accesses: row.line_accesses,
+            line_misses: row.line_misses,
+        };
+        let MissClasses { compulsory, capacity, conflict } =
+            classify(&actual, &curves[job], geometries[i].lines()).records;
+        (row.compulsory_misses, row.capacity_misses) = (Some(compulsory), Some(capacity));
+        row.conflict_misses = Some(conflict);
+    }
+    Ok(())
+}
+
+/// The curve of all nodes together, each with a memory of the same size.
+fn cluster_curve<S: Subject>(subject: &S, schedule: &Schedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
+    let lines = subject.lines(line_bytes);
+    let mut sum = LruCurve::default();
+    for tiles in schedule.nodes.iter().flatten() {
+        sum.add(&curve(subject, tiles, &lines)?);
+    }
+    Ok(sum)
+}
+
+/// Optimal replacement has no times.
+fn is_timed(setting: &Setting, evaluation: &Evaluation) -> bool {
+    let is_on_demand = setting.assignment == Assignment::OnDemand;
+    is_on_demand || (evaluation.timings && setting.replacement != Policy::Optimal)
 }
 
 impl Row {
-    fn new(setting: Setting, geometry: Geometry, totals: Totals, words_read: u64, damage: Option<&str>) -> Self {
+    fn new(
+        setting: Setting,
+        geometry: Geometry,
+        (totals, timing): (Totals, Option<Timing>),
+        words_read: u64,
+        evaluation: &Evaluation,
+    ) -> Self {
         let words_moved = totals.line_misses * u64::from(geometry.line_bytes) / 4;
         let ratio = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
-        let reason = damage.map(str::to_owned);
+        let is_on_demand = setting.assignment == Assignment::OnDemand;
+        let reason = evaluation.damage.clone().or_else(|| is_on_demand.then(|| ON_DEMAND.to_owned()));
         Self {
             setting,
             local_bytes: geometry.local_bytes(),
@@ -84,6 +213,14 @@ impl Row {
             words_moved,
             misses_per_record_access: ratio(totals.record_misses, totals.record_accesses),
             words_moved_per_word_read: ratio(words_moved, words_read),
+            compulsory_misses: None,
+            capacity_misses: None,
+            conflict_misses: None,
+            cycles: timing.map(|timing| timing.cycles),
+            efficiency: timing.map(|timing| timing.efficiency),
+            bus_utilisation: timing.map(|timing| timing.bus_utilisation),
+            wait_mean: timing.map(|timing| timing.wait_mean),
+            wait_percentile_99: timing.map(|timing| timing.wait_percentile_99),
             exact: reason.is_none(),
             reason,
         }
@@ -111,7 +248,14 @@ fn count<S: Subject>(
         Policy::Fifo => through::<Fifo, _>(subject, processes, geometry),
         Policy::Clock => through::<Clock, _>(subject, processes, geometry),
         Policy::Random => through::<Random, _>(subject, processes, geometry),
-        Policy::Optimal => Err(TraceError("optimal".to_owned())),
+        Policy::Optimal => {
+            let lines = subject.lines(geometry.line_bytes);
+            let mut totals = Totals::default();
+            for tiles in processes {
+                optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
+            }
+            Ok(totals)
+        }
     }
 }
 
@@ -136,20 +280,16 @@ fn through<R: Replacement, S: Subject>(
 
 /// 32-bit words of all records read in accepted tiles.
 fn words_read<S: Subject>(subject: &S) -> Result<u64, TraceError> {
-    let sections = subject.record_words();
-    let ends: Vec<u32> = sections.iter().map(|(_, records)| records.end).collect();
+    let record_words = subject.record_words();
     let accepted: Vec<_> = subject.tiles().iter().filter(|tile| tile.accepted).collect();
     let counted = parallel::map(&accepted, |tile| {
         let mut words = Vec::new();
-        let mut reads = vec![0u64; sections.len()];
+        let mut reads = vec![0u64; record_words.len()];
         for part in tile.parts.clone() {
             subject.read(part, &mut words)?;
-            for &word in words.iter().filter(|&&word| crate::machine::references::Word(word).is_read()) {
-                let section = ends.iter().filter(|&&end| word >= end).count();
-                reads[section.min(sections.len() - 1)] += 1;
-            }
+            words.iter().filter(|&&word| Word(word).is_read()).for_each(|&record| reads[subject.kind(record)] += 1);
         }
-        Ok(reads.iter().zip(&sections).map(|(reads, (words, _))| reads * u64::from(*words)).sum::<u64>())
+        Ok(reads.iter().zip(&record_words).map(|(reads, &words)| reads * u64::from(words)).sum::<u64>())
     });
     counted.into_iter().sum()
 }

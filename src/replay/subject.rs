@@ -1,12 +1,12 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
+use super::contention::ReadCycles;
 use super::{Lines, RecordLines, Trace};
 use crate::database::Section;
 use crate::ids::TileId;
-use crate::machine::references::RecordNumbers;
 use crate::recording::references::Recording;
 use crate::tile_order;
-use crate::topology::{Bus, Processor, TileOrder};
+use crate::topology::{Bus, TileOrder};
 
 /// A trace, and what simulations must know besides.
 pub trait Subject: Trace {
@@ -18,8 +18,17 @@ pub trait Subject: Trace {
     /// Of which shares are taken; a multiple of 256.
     fn image_bytes(&self) -> u64;
 
-    /// By section: 32-bit words of its records, and their numbers.
-    fn record_words(&self) -> Vec<(u32, std::ops::Range<u32>)>;
+    /// The kind of record that this is, below the length of the following two.
+    fn kind(&self, record: u32) -> usize;
+
+    /// By kind: 32-bit words of a record.
+    fn record_words(&self) -> Vec<u32>;
+
+    /// By kind: what a processor spends on a record that it reads.
+    fn read_cycles(&self) -> Vec<u32>;
+
+    /// Of a tile of the trace.
+    fn pixels(&self, tile: u32) -> u32;
 
     /// The tiles in an order of handing out, as indices into those of the trace; `None` for one that it does not have.
     fn ordered(&self, order: TileOrder) -> Vec<Option<u32>>;
@@ -27,8 +36,8 @@ pub trait Subject: Trace {
     /// Seeds random replacement.
     fn seed(&self) -> u64;
 
-    /// The recorded cost model.
-    fn costs(&self) -> (Processor, Bus);
+    /// The recorded bus.
+    fn bus(&self) -> Bus;
 }
 
 impl Subject for Recording {
@@ -42,9 +51,23 @@ impl Subject for Recording {
         self.layout.image_bytes()
     }
 
-    fn record_words(&self) -> Vec<(u32, std::ops::Range<u32>)> {
-        let numbers = RecordNumbers::new(&self.layout);
-        Section::ALL.map(|section| (section.record_bytes() as u32 / 4, numbers.section(section))).to_vec()
+    #[inline(always)]
+    fn kind(&self, record: u32) -> usize {
+        self.numbers.place(record).0 as usize
+    }
+
+    fn record_words(&self) -> Vec<u32> {
+        Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
+    }
+
+    fn read_cycles(&self) -> Vec<u32> {
+        let cycles = ReadCycles::new(&self.topology.cluster.processor);
+        Section::ALL.map(|section| cycles.of(section)).to_vec()
+    }
+
+    fn pixels(&self, tile: u32) -> u32 {
+        let rect = self.tiling.rect(self.tiles()[tile as usize].tile);
+        rect.map_or(0, |rect| rect.width * rect.height)
     }
 
     fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
@@ -60,7 +83,7 @@ impl Subject for Recording {
         self.topology.run.seed
     }
 
-    fn costs(&self) -> (Processor, Bus) {
-        (self.topology.cluster.processor, self.topology.cluster.bus)
+    fn bus(&self) -> Bus {
+        self.topology.cluster.bus
     }
 }

@@ -5,6 +5,7 @@ mod command;
 mod command_line;
 mod faults;
 mod frames;
+mod play;
 mod processes;
 mod recording;
 mod reference;
