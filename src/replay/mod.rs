@@ -3,7 +3,10 @@
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
 pub mod captured;
+pub mod count;
+pub mod detail;
 pub mod lines;
+pub mod schedule;
 pub mod trace;
 
 pub use captured::Captured;

@@ -55,7 +55,7 @@ impl<R: Replacement> Directory<R> {
     /// `line` is not below the geometry's `image_lines`.
     #[inline(always)]
     pub fn reference(&mut self, line: u32) -> Reference {
-        let Some(slot) = self.slot(line) else { return self.fill(line) };
+        let Some(slot) = self.slot(line) else { return self.fill(line, line % self.geometry.sets) };
         self.hit(slot);
         Reference::Hit { slot }
     }
@@ -75,6 +75,12 @@ impl<R: Replacement> Directory<R> {
         self.replacement.hit(slot);
     }
 
+    /// Gives a line that is not in the memory a slot of this set, which is the line's own.
+    #[inline(always)]
+    pub fn miss(&mut self, line: u32, set: u32) {
+        self.fill(line, set);
+    }
+
     /// Whether this slot holds this line.
     pub fn holds(&self, slot: u32, line: u32) -> bool {
         self.slots[line as usize] == slot + 1
@@ -86,8 +92,7 @@ impl<R: Replacement> Directory<R> {
     }
 
     #[inline(never)]
-    fn fill(&mut self, line: u32) -> Reference {
-        let set = line % self.geometry.sets;
+    fn fill(&mut self, line: u32, set: u32) -> Reference {
         let filled = &mut self.filled[set as usize];
         let (slot, evicted) = if *filled < self.geometry.ways {
             *filled += 1;

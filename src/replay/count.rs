@@ -1,0 +1,153 @@
+//! One local memory over the references of one node: hits and misses, without data.
+
+use super::{Lines, Trace, TraceError};
+use crate::machine::local_memory::{Directory, Geometry};
+use crate::machine::references::{Event, Word};
+use crate::machine::replacement::Replacement;
+use crate::tracer::RayKind;
+
+/// What is told of a replay as it goes.
+pub trait Tally {
+    /// A tile begins: its index in the trace.
+    fn tile(&mut self, tile: u32);
+    /// A ray begins.
+    fn ray(&mut self, kind: RayKind);
+    /// A record was read that lies in so many lines, and so many of these were missing.
+    fn read(&mut self, record: u32, lines: u32, missing: u32);
+}
+
+/// Counts of accepted tiles, all kinds and sections together.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Totals {
+    pub record_accesses: u64,
+    /// Records with at least one line missing: each is one fetch.
+    pub record_misses: u64,
+    pub line_accesses: u64,
+    pub line_misses: u64,
+}
+
+impl Totals {
+    pub fn add(&mut self, other: &Self) {
+        self.record_accesses += other.record_accesses;
+        self.record_misses += other.record_misses;
+        self.line_accesses += other.line_accesses;
+        self.line_misses += other.line_misses;
+    }
+}
+
+/// A local memory that references go through.
+pub struct Replayer<'a, R, L> {
+    lines: &'a L,
+    directory: Directory<R>,
+    words: Vec<u32>,
+}
+
+impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
+    /// An empty memory. `geometry` is one of the same lines; `seed` decides random replacement.
+    pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Self {
+        assert_eq!(geometry.image_lines, lines.count(), "a memory's geometry is resolved for its lines");
+        Self { lines, directory: Directory::new(geometry, seed), words: Vec::new() }
+    }
+
+    /// Empties the memory, as a node's next process finds it.
+    pub fn clear(&mut self) {
+        self.directory.clear();
+    }
+
+    /// Replays a tile of the trace.
+    ///
+    /// # Errors
+    /// The trace's. The memory has seen some of the tile then.
+    pub fn tile(&mut self, trace: &(impl Trace + ?Sized), tile: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
+        tally.tile(tile);
+        let mut words = std::mem::take(&mut self.words);
+        for part in trace.tiles()[tile as usize].parts.clone() {
+            trace.read(part, &mut words)?;
+            self.words(&words, tally)?;
+        }
+        self.words = words;
+        Ok(())
+    }
+
+    /// Replays words of a stream.
+    ///
+    /// # Errors
+    /// A word of a kind that this version does not know.
+    pub fn words(&mut self, words: &[u32], tally: &mut impl Tally) -> Result<(), TraceError> {
+        for &word in words {
+            if Word(word).is_read() {
+                let (first, count) = self.lines.of(word);
+                let missing = self.reference(first, count);
+                tally.read(word, count, missing);
+            } else {
+                match Word(word).decode() {
+                    Some(Event::Ray(kind)) => tally.ray(kind),
+                    Some(Event::Read(_)) => {}
+                    None => return Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// References lines in ascending order; returns how many were missing.
+    #[inline(always)]
+    fn reference(&mut self, first: u32, count: u32) -> u32 {
+        let mut missing = 0;
+        for line in first..first + count {
+            match self.directory.slot(line) {
+                Some(slot) => self.directory.hit(slot),
+                None => {
+                    self.directory.miss(line, self.lines.set(line, self.directory.geometry().sets));
+                    missing += 1;
+                }
+            }
+        }
+        missing
+    }
+}
+
+/// Sums [`Totals`]; what belongs to tiles that were not accepted is left out.
+pub struct Sum<'a, T> {
+    trace: &'a T,
+    accepted: bool,
+    now: Totals,
+    pub totals: Totals,
+}
+
+impl<'a, T: Trace> Sum<'a, T> {
+    pub fn new(trace: &'a T) -> Self {
+        Self { trace, accepted: false, now: Totals::default(), totals: Totals::default() }
+    }
+
+    /// All that was counted.
+    pub fn finish(mut self) -> Totals {
+        self.book();
+        self.totals
+    }
+
+    fn book(&mut self) {
+        let now = std::mem::take(&mut self.now);
+        if self.accepted {
+            self.totals.add(&now);
+        }
+    }
+}
+
+impl<T: Trace> Tally for Sum<'_, T> {
+    fn tile(&mut self, tile: u32) {
+        self.book();
+        self.accepted = self.trace.tiles()[tile as usize].accepted;
+    }
+
+    #[inline(always)]
+    fn ray(&mut self, _kind: RayKind) {}
+
+    #[inline(always)]
+    fn read(&mut self, _record: u32, lines: u32, missing: u32) {
+        self.now.record_accesses += 1;
+        self.now.line_accesses += u64::from(lines);
+        self.now.record_misses += u64::from(missing > 0);
+        self.now.line_misses += u64::from(missing);
+    }
+}
