@@ -23,6 +23,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod scene;
+pub mod study;
 pub mod telemetry;
 pub mod topology;
 pub mod tracer;

@@ -9,6 +9,7 @@ pub mod render;
 pub mod run;
 pub mod scene;
 pub mod schema;
+pub mod study;
 pub mod verify;
 mod watertight;
 
@@ -34,6 +35,7 @@ enum Command {
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
     Verify(verify::VerifyArguments),
+    Study(study::StudyArguments),
     Schema(schema::SchemaArguments),
 }
 
@@ -48,6 +50,7 @@ impl Arguments {
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
+            Command::Study(arguments) => study::study(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
         }
     }

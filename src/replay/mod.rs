@@ -6,6 +6,7 @@ pub mod captured;
 pub mod count;
 pub mod detail;
 pub mod lines;
+pub mod parallel;
 pub mod schedule;
 pub mod trace;
 

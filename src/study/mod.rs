@@ -1,0 +1,14 @@
+//! Studies: scenes traced once, then replayed through many clusters. [`paper`] is what the paper publishes beside what
+//! this program finds; [`sweep`] the same for a scene of one's own.
+
+pub mod counts;
+pub mod levels;
+pub mod paper;
+pub mod published;
+pub mod setting;
+pub mod subject;
+pub mod table;
+pub mod traffic;
+
+#[cfg(test)]
+mod sample;

@@ -1,0 +1,180 @@
+//! What crosses the bus of a cluster, by the size of its local memories: Figures 6 and 7, and Table 1.
+
+use serde::{Serialize, Serializer};
+
+use super::counts::{Counts, Ratio, ratio};
+use super::setting::Setting;
+use super::subject::Subject;
+use crate::machine::local_memory::{Geometry, GeometryError};
+use crate::machine::replacement::{Clock, Fifo, Lru, Random};
+use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
+use crate::replay::schedule::Schedule;
+use crate::replay::{Trace, TraceError};
+use crate::topology::{Assignment, LocalMemory, MemorySize, Replacement, TileOrder};
+use crate::tracer::Tiling;
+
+/// One cluster, with local memories of several sizes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Traffic {
+    #[serde(flatten)]
+    pub setting: Setting,
+    pub nodes: u16,
+    pub messages: Messages,
+    /// What a processor without a local memory reads from the memory for the same tiles.
+    pub unique_processor_bytes: u64,
+    pub sizes: Vec<Size>,
+}
+
+/// What is told on the bus besides data of the scene. It does not depend on the local memories.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Messages {
+    pub job_bytes: u64,
+    pub end_of_job_bytes: u64,
+    pub pixel_bytes: u64,
+}
+
+/// Local memories of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Size {
+    #[serde(serialize_with = "as_text")]
+    pub local_memory: MemorySize,
+    /// Of one node, resolved.
+    pub local_bytes: u64,
+    #[serde(flatten)]
+    pub counts: Counts,
+    /// Data of the scene.
+    pub bus_bytes: u64,
+}
+
+/// Why a memory's traffic cannot be told.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum TrafficError {
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+}
+
+fn as_text<S: Serializer>(size: &MemorySize, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(size)
+}
+
+impl Messages {
+    /// Every tile handed out and reported once, every pixel written once.
+    pub fn new(tiling: Tiling) -> Self {
+        let tiles = u64::from(tiling.tile_count());
+        let pixels = u64::from(tiling.width) * u64::from(tiling.height);
+        Self {
+            job_bytes: tiles * u64::from(JOB_BYTES),
+            end_of_job_bytes: tiles * u64::from(END_OF_JOB_BYTES),
+            pixel_bytes: pixels * u64::from(PIXEL_BYTES),
+        }
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.job_bytes + self.end_of_job_bytes + self.pixel_bytes
+    }
+}
+
+impl Traffic {
+    /// Tiles row by row from the top, the i-th to node i mod `nodes`. A memory that is all of the database is filled
+    /// once, whether or not all is read; nothing misses then.
+    ///
+    /// # Errors
+    /// The trace cannot be read, or a memory is too small.
+    pub fn new<T: Trace>(
+        subject: &Subject<T>,
+        tiling: Tiling,
+        memory: LocalMemory,
+        nodes: u16,
+        sizes: &[MemorySize],
+        seed: u64,
+    ) -> Result<Self, TrafficError> {
+        let schedule = Schedule::interleaved(&subject.scanline(), nodes);
+        let sizes = sizes.iter().map(|&size| Size::new(subject, &schedule, LocalMemory { size, ..memory }, seed));
+        Ok(Self {
+            setting: Setting {
+                scene: subject.scene.clone(),
+                octree: subject.octree,
+                database_bytes: subject.layout.image_bytes(),
+                line_bytes: memory.line,
+                ways: memory.ways,
+                replacement: memory.replacement,
+                order: TileOrder::Scanline,
+                assignment: Assignment::Interleaved,
+            },
+            nodes,
+            messages: Messages::new(tiling),
+            unique_processor_bytes: 4 * subject.reads.words_read(),
+            sizes: sizes.collect::<Result<_, _>>()?,
+        })
+    }
+
+    pub fn size(&self, size: MemorySize) -> Option<&Size> {
+        self.sizes.iter().find(|row| row.local_memory == size)
+    }
+
+    /// Of what a unique processor would communicate with the memory, without messages and with them.
+    pub fn bus_shares(&self, size: &Size) -> [f64; 2] {
+        [0, self.messages.bytes()].map(|messages| ratio(size.bus_bytes + messages, self.unique_processor_bytes))
+    }
+}
+
+impl Size {
+    fn new<T: Trace>(
+        subject: &Subject<T>,
+        schedule: &Schedule,
+        memory: LocalMemory,
+        seed: u64,
+    ) -> Result<Self, TrafficError> {
+        let geometry = Geometry::new(&memory, &subject.layout)?;
+        let totals = match memory.replacement {
+            Replacement::Lru => subject.totals::<Lru>(schedule, geometry, seed),
+            Replacement::Fifo => subject.totals::<Fifo>(schedule, geometry, seed),
+            Replacement::Clock => subject.totals::<Clock>(schedule, geometry, seed),
+            Replacement::Random => subject.totals::<Random>(schedule, geometry, seed),
+        }?;
+        let mut counts = Counts::new(&totals, subject.reads.words_read(), memory.line);
+        let mut bus_bytes = counts.bus_bytes();
+        if memory.size == MemorySize::All {
+            counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
+            bus_bytes = schedule.nodes.len() as u64 * subject.layout.image_bytes();
+        }
+        Ok(Self { local_memory: memory.size, local_bytes: geometry.local_bytes(), counts, bus_bytes })
+    }
+
+    pub fn ratio(&self, ratio: Ratio) -> f64 {
+        ratio.of(&self.counts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{published, sample};
+
+    #[test]
+    fn messages_are_those_of_the_protocol() {
+        let side = |side| Tiling { width: side, height: side, tile_width: 5, tile_height: 5 };
+        let messages = Messages::new(side(published::IMAGE_SIDE));
+        assert_eq!(messages, Messages { job_bytes: 10_000, end_of_job_bytes: 10_000, pixel_bytes: 187_500 });
+        assert_eq!(messages.bytes(), 207_500);
+    }
+
+    #[test]
+    fn a_larger_memory_moves_less_and_all_moves_all() {
+        let (_, subject) = sample::gears();
+        let sizes = [published::share(8), published::share(2), MemorySize::All];
+        let memory = LocalMemory { size: MemorySize::All, line: 32, ways: None, replacement: Replacement::Lru };
+        let traffic = Traffic::new(&subject, sample::TILING, memory, 3, &sizes, 0).expect("in memory");
+        let [eighth, half, all] = [0, 1, 2].map(|i| &traffic.sizes[i]);
+        assert!(eighth.bus_bytes > half.bus_bytes);
+        assert_eq!(eighth.counts.record_accesses, half.counts.record_accesses);
+        assert_eq!(eighth.bus_bytes, 32 * eighth.counts.line_misses);
+        assert_eq!(all.bus_bytes, 3 * subject.layout.image_bytes());
+        assert_eq!(all.ratio(Ratio::MissesPerRecordAccess), 0.0);
+        let [data, with_messages] = traffic.bus_shares(eighth);
+        assert_eq!(data, eighth.ratio(Ratio::WordsMovedPerWordRead));
+        assert!(with_messages > data);
+    }
+}
