@@ -25,5 +25,6 @@ pub mod report;
 pub mod scene;
 pub mod study;
 pub mod telemetry;
+pub mod tile_order;
 pub mod topology;
 pub mod tracer;

@@ -23,9 +23,19 @@ pub struct RunArguments {
     pub set: Vec<Override>,
     #[command(flatten)]
     pub output: OutputOptions,
+    /// What to record besides the bus: references, which `marti replay` puts through other memories
+    #[arg(long, value_name = "WHAT", value_enum)]
+    pub record: Option<Record>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+/// What can be recorded.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+pub enum Record {
+    /// Every record that a node reads, before its local memory sees it
+    References,
 }
 
 impl RunArguments {
@@ -42,6 +52,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         topology,
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
+        record_references: arguments.record == Some(Record::References),
         quiet: arguments.quiet,
     })
     .map_err(|error| {

@@ -10,4 +10,5 @@ pub mod local_memory;
 pub mod references;
 pub mod replacement;
 pub mod stats;
+pub mod trace;
 pub mod transaction;

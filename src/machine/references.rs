@@ -4,6 +4,8 @@
 //! record `i` of a section has the number of records in the sections before it, plus `i`. That is below 2³⁰, as an
 //! image of at most 2³² bytes has no more records of at least four.
 
+use std::ops::Range;
+
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
 use crate::tracer::{MemoryPort, RayKind};
@@ -80,6 +82,11 @@ impl RecordNumbers {
         self.first[section as usize] + index
     }
 
+    /// The numbers of a section's records.
+    pub fn section(&self, section: Section) -> Range<u32> {
+        self.first[section as usize]..self.first[section as usize + 1]
+    }
+
     /// The section of a record, and its index there. Numbers too large are in the last section.
     #[inline(always)]
     pub fn place(&self, record: u32) -> (Section, u32) {
@@ -91,7 +98,7 @@ impl RecordNumbers {
     }
 }
 
-/// A stream is kept in parts of about so many words, which end where a ray does.
+/// A stream is kept in parts of at most so many words; all but a tile's last one have as many.
 pub const PART_WORDS: usize = 1 << 16;
 
 /// A port that writes down what is read through it.
@@ -110,8 +117,16 @@ impl<'a, M, F: FnMut(&[u32])> Recorder<'a, M, F> {
     }
 
     #[inline(always)]
-    fn note(&mut self, section: Section, index: u32) {
-        self.words.push(Word::read(self.numbers.number(section, index)).0);
+    fn note(&mut self, word: Word) {
+        if self.words.len() == PART_WORDS {
+            self.keep_part();
+        }
+        self.words.push(word.0);
+    }
+
+    #[inline(always)]
+    fn note_read(&mut self, section: Section, index: u32) {
+        self.note(Word::read(self.numbers.number(section, index)));
     }
 
     #[cold]
@@ -126,7 +141,7 @@ macro_rules! noted_read {
     ($($read:ident: $section:ident -> $record:ty),* $(,)?) => {$(
         #[inline(always)]
         fn $read(&mut self, index: u32) -> Result<$record, M::Error> {
-            self.note(Section::$section, index);
+            self.note_read(Section::$section, index);
             self.port.$read(index)
         }
     )*};
@@ -137,16 +152,13 @@ impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
 
     #[inline(always)]
     fn set_ray_kind(&mut self, kind: RayKind) {
-        if self.words.len() >= PART_WORDS {
-            self.keep_part();
-        }
-        self.words.push(Word::ray(kind).0);
+        self.note(Word::ray(kind));
         self.port.set_ray_kind(kind);
     }
 
     #[inline(always)]
     fn octree_node(&mut self, index: u32, level: u32) -> Result<OctreeWord, M::Error> {
-        self.note(Section::OctreeNodes, index);
+        self.note_read(Section::OctreeNodes, index);
         self.port.octree_node(index, level)
     }
 

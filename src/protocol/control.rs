@@ -173,6 +173,8 @@ pub struct NodeConfiguration {
     pub octree: Octree,
     pub local_memory: LocalMemory,
     pub seed: u64,
+    /// The folder of the recording, if references are to be recorded; it exists.
+    pub references: Option<PathBuf>,
 }
 
 /// Node to manager.

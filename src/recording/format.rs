@@ -8,6 +8,7 @@ use arrow_array::{ArrayRef, DictionaryArray, Int8Array, RecordBatch, StringArray
 use arrow_array::{UInt16Array, UInt32Array, UInt64Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 
+use super::records_json;
 use crate::database::{Layout, Section};
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::{Kind, Transaction};
@@ -33,8 +34,6 @@ impl Metadata {
             Arbiter::RoundRobin { quantum } => format!("round_robin {quantum}"),
             Arbiter::FixedPriority => "fixed_priority".to_owned(),
         };
-        let records =
-            Section::ALL.map(|section| format!(r#""{}": {}"#, section.name(), self.layout.span(section).records));
         let entries = [
             ("marti.format_version", FORMAT_VERSION.to_string()),
             ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
@@ -42,7 +41,7 @@ impl Metadata {
             ("marti.epoch", self.epoch.0.to_string()),
             ("marti.arbiter", arbiter),
             ("marti.image_bytes", self.layout.image_bytes().to_string()),
-            ("marti.records", format!("{{{}}}", records.join(", "))),
+            ("marti.records", records_json(&self.layout)),
         ];
         entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
     }

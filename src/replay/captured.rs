@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use super::trace::{Trace, TraceError, TracedTile};
+use super::{Trace, TraceError, TracedTile};
 use crate::database::verify::Verified;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{RecordNumbers, Recorder};

@@ -6,10 +6,10 @@ pub mod captured;
 pub mod count;
 pub mod detail;
 pub mod lines;
+pub mod live;
 pub mod parallel;
 pub mod schedule;
-pub mod trace;
 
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
 pub use lines::{Lines, RecordLines};
-pub use trace::{Trace, TraceError, TracedTile};

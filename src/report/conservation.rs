@@ -76,6 +76,13 @@ impl Conservation {
         Self { holds: checks.iter().all(|check| check.holds), checks }
     }
 
+    /// With checks of others.
+    #[must_use]
+    pub fn and(mut self, checks: Vec<Check>) -> Self {
+        self.checks.extend(checks);
+        Self::new(self.checks)
+    }
+
     /// Compares the books of manager, master, nodes and bus.
     pub fn of(books: &Books) -> Self {
         let Books { nodes, bus, master, .. } = books;

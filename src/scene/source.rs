@@ -50,8 +50,8 @@ impl Source {
     }
 }
 
-#[cfg(test)]
 impl Source {
+    /// What `file` is named in errors; nothing is read.
     pub(crate) fn from_bytes(file: &str, bytes: impl Into<Vec<u8>>) -> Self {
         Self { file: PathBuf::from(file), bytes: bytes.into() }
     }

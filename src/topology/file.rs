@@ -10,10 +10,10 @@ use serde::de::{IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize, Quantum, Seconds, Seed,
-    Side, Size, Tile, Version, Ways,
+    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
+    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
 };
-use super::{Assignment, MemorySize, Replacement, TileOrder};
+use super::{Assignment, MemorySize, Replacement, TileOrder, Transactions};
 use crate::scene::procedural::Kind;
 use crate::tracer::view::ImageSettings;
 
@@ -194,6 +194,8 @@ pub struct Cluster {
     /// Processing nodes.
     pub nodes: Nodes,
     #[serde(deserialize_with = "table")]
+    pub processor: Processor,
+    #[serde(deserialize_with = "table")]
     pub local_memory: LocalMemory,
     #[serde(deserialize_with = "table")]
     pub bus: Bus,
@@ -201,7 +203,32 @@ pub struct Cluster {
 
 impl Default for Cluster {
     fn default() -> Self {
-        Self { nodes: Nodes(4), local_memory: LocalMemory::default(), bus: Bus::default() }
+        Self {
+            nodes: Nodes(4),
+            processor: Processor::default(),
+            local_memory: LocalMemory::default(),
+            bus: Bus::default(),
+        }
+    }
+}
+
+/// What a processing node's work costs, for replays: a model that changes no count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Processor {
+    /// Cycles of a step to an octree node.
+    pub octree_node: Cycles,
+    /// Cycles of a ray against a triangle, sphere or cone.
+    pub primitive_test: Cycles,
+    /// Cycles of a surface that light falls on.
+    pub shading: Cycles,
+    /// Cycles of a record that is read from local memory, on top of what is done with it.
+    pub local_access: Cycles,
+}
+
+impl Default for Processor {
+    fn default() -> Self {
+        super::Processor::DEFAULT.into()
     }
 }
 
@@ -233,7 +260,7 @@ impl Default for LocalMemory {
 }
 
 /// The bus between the processing nodes and the cluster memory.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bus {
     /// Who is granted the bus when several wait.
@@ -242,6 +269,21 @@ pub struct Bus {
     /// With `round_robin`: transactions that a node may be granted in a row; default: 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quantum: Option<Quantum>,
+    /// Bytes of a bus word, for replays.
+    pub width: Width,
+    /// Cycles in which a word crosses the bus, for replays.
+    pub cycles_per_word: CyclesPerWord,
+    /// Cycles of the cluster memory before the first word of data, for replays.
+    pub latency: Cycles,
+    /// Whether the bus is free while the cluster memory looks for the data, for replays.
+    #[serde(deserialize_with = "name")]
+    pub transactions: Transactions,
+}
+
+impl Default for Bus {
+    fn default() -> Self {
+        super::Bus::DEFAULT.into()
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -105,8 +105,28 @@ impl Octree {
 pub struct Cluster {
     /// Processing nodes, 1 to 256.
     pub nodes: u16,
+    pub processor: Processor,
     pub local_memory: LocalMemory,
     pub bus: Bus,
+}
+
+/// What a processing node's work costs, cycles, each 0 to 1,000,000. A model that a replay applies to what was counted:
+/// no live process knows of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Processor {
+    /// Of a step to an octree node.
+    pub octree_node: u32,
+    /// Of a ray against a triangle, sphere or cone.
+    pub primitive_test: u32,
+    /// Of a surface that light falls on.
+    pub shading: u32,
+    /// Of a record that is read from local memory, whatever it is.
+    pub local_access: u32,
+}
+
+impl Processor {
+    /// Of the order of a floating-point microprocessor of 1991: a few cycles an operation, tens of operations a test.
+    pub const DEFAULT: Self = Self { octree_node: 20, primitive_test: 60, shading: 200, local_access: 1 };
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -155,6 +175,37 @@ impl fmt::Display for Replacement {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bus {
     pub arbiter: Arbiter,
+    /// Bytes of a bus word, a power of two, 1 to 64. This and what follows is a model as [`Processor`] is.
+    pub width: u32,
+    /// Cycles in which a word crosses the bus, 1 to 1024.
+    pub cycles_per_word: u32,
+    /// Cycles of the cluster memory before the first word of data, 0 to 1,000,000.
+    pub latency: u32,
+    pub transactions: Transactions,
+}
+
+impl Bus {
+    /// A bus of 1991: 32 bits a cycle, and a dynamic memory that answers after eight.
+    pub const DEFAULT: Self =
+        Self { arbiter: Arbiter::Fifo, width: 4, cycles_per_word: 1, latency: 8, transactions: Transactions::Locked };
+}
+
+/// Whether the bus is free while the cluster memory looks for the data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Transactions {
+    /// Held from the address to the last word of data.
+    #[default]
+    Locked,
+    /// Held for the address, and again for the data.
+    Split,
+}
+
+/// Its name in a topology file.
+impl fmt::Display for Transactions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 /// Who is granted the bus when several wait.

@@ -8,7 +8,9 @@ use glam::DVec3;
 use super::document::Document;
 use super::file::{self, File};
 use super::value::{Channel, Coordinate, Quantum, Seconds};
-use super::{Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Run, SceneSource, Topology};
+use super::{
+    Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Run, SceneSource, Topology,
+};
 use crate::scene::{Camera, Light, SourceError};
 use crate::tracer::view::ImageSettings;
 
@@ -36,8 +38,9 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
         },
         cluster: Cluster {
             nodes: written.cluster.nodes.0,
+            processor: processor(&written.cluster.processor),
             local_memory: local_memory(&written.cluster.local_memory, document)?,
-            bus: Bus { arbiter: arbiter(&written.cluster.bus, document)? },
+            bus: bus(&written.cluster.bus, document)?,
         },
         run: Run {
             order: written.run.order,
@@ -107,6 +110,15 @@ fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {
     Ok(image)
 }
 
+fn processor(written: &file::Processor) -> Processor {
+    Processor {
+        octree_node: written.octree_node.0,
+        primitive_test: written.primitive_test.0,
+        shading: written.shading.0,
+        local_access: written.local_access.0,
+    }
+}
+
 fn local_memory(written: &file::LocalMemory, document: &Document<'_>) -> Result<LocalMemory> {
     let line = written.line.0;
     let bytes_min = u64::from(line) * LocalMemory::LINES_MIN;
@@ -124,6 +136,16 @@ fn local_memory(written: &file::LocalMemory, document: &Document<'_>) -> Result<
         line,
         ways: written.ways.map(|ways| ways.0),
         replacement: written.replacement,
+    })
+}
+
+fn bus(written: &file::Bus, document: &Document<'_>) -> Result<Bus> {
+    Ok(Bus {
+        arbiter: arbiter(written, document)?,
+        width: written.width.0,
+        cycles_per_word: written.cycles_per_word.0,
+        latency: written.latency.0,
+        transactions: written.transactions,
     })
 }
 

@@ -21,7 +21,11 @@ impl Topology {
         Self::from_source(&Source::read(path, FILE_BYTES_MAX)?, overrides)
     }
 
-    fn from_source(source: &Source, overrides: &[Override]) -> Result<Self, SourceError> {
+    /// [`Self::read`] of bytes that are there already.
+    ///
+    /// # Errors
+    /// As of `read`.
+    pub(crate) fn from_source(source: &Source, overrides: &[Override]) -> Result<Self, SourceError> {
         let document = Document::parse(source, overrides)?;
         document.read::<Preamble>()?;
         let written: File = document.read()?;
@@ -37,8 +41,8 @@ mod tests {
 
     use super::*;
     use crate::topology::{
-        Arbiter, Assignment, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Replacement, Run,
-        SceneSource, TileOrder,
+        Arbiter, Assignment, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Replacement,
+        Run, SceneSource, TileOrder, Transactions,
     };
 
     fn read(text: &[u8]) -> Result<Topology, SourceError> {
@@ -239,6 +243,26 @@ mod tests {
                 "[cluster.bus]\narbiter = 'round_robin'\nquantum = 0",
                 "4:11: cluster.bus.quantum is 0, expected an integer from 1 to 1024",
             ),
+            ("[cluster.bus]\nwidth = 3", "3:9: cluster.bus.width is 3, expected a power of two from 1 to 64"),
+            ("[cluster.bus]\nwidth = 128", "3:9: cluster.bus.width is 128, expected a power of two from 1 to 64"),
+            (
+                "[cluster.bus]\ncycles_per_word = 0",
+                "3:19: cluster.bus.cycles_per_word is 0, expected an integer from 1 to 1024",
+            ),
+            ("[cluster.bus]\nlatency = 1.5", "3:11: cluster.bus.latency is 1.5, expected an integer from 0 to 1000000"),
+            (
+                "[cluster.bus]\ntransactions = 'spilt'",
+                "3:16: cluster.bus.transactions is 'spilt', expected one of locked, split; did you mean split?",
+            ),
+            ("[cluster]\nprocessor = 20", "3:13: cluster.processor is 20, expected a table"),
+            (
+                "[cluster.processor]\nshading = 1000001",
+                "3:11: cluster.processor.shading is 1000001, expected an integer from 0 to 1000000",
+            ),
+            (
+                "[cluster.processor]\noctreenode = 1",
+                "3:1: unknown key cluster.processor.octreenode, expected one of octree_node, primitive_test, shading, local_access; did you mean octree_node?",
+            ),
             ("[run]\nseed = -1", "3:8: run.seed is -1, expected an integer from 0 to 9007199254740991"),
             ("[run]\norder = 'hilbert'", "3:9: run.order is 'hilbert', expected one of scanline, morton, random"),
             (
@@ -286,13 +310,20 @@ mod tests {
             octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
             cluster: Cluster {
                 nodes: 4,
+                processor: Processor { octree_node: 20, primitive_test: 60, shading: 200, local_access: 1 },
                 local_memory: LocalMemory {
                     size: MemorySize::Share { numerator: 1, denominator: 8 },
                     line: 64,
                     ways: None,
                     replacement: Replacement::Lru,
                 },
-                bus: Bus { arbiter: Arbiter::Fifo },
+                bus: Bus {
+                    arbiter: Arbiter::Fifo,
+                    width: 4,
+                    cycles_per_word: 1,
+                    latency: 8,
+                    transactions: Transactions::Locked,
+                },
             },
             run: Run {
                 order: TileOrder::Scanline,
@@ -346,6 +377,10 @@ mod tests {
             "cluster.local_memory.replacement",
             "cluster.bus.arbiter",
             "cluster.bus.quantum",
+            "cluster.bus.width",
+            "cluster.bus.latency",
+            "cluster.bus.transactions",
+            "cluster.processor.shading",
             "run.order",
             "run.seed",
             "run.deadlines.tile_seconds",

@@ -220,6 +220,21 @@ quantity!(
     Range::integer(1.0, 1024.0)
 );
 quantity!(
+    /// What something costs.
+    Cycles(u32),
+    Range::integer(0.0, 1e6)
+);
+quantity!(
+    /// Bytes of a bus word.
+    Width(u32),
+    Range { kind: Kind::PowerOfTwo, min: 1.0, max: 64.0 }
+);
+quantity!(
+    /// In which a word crosses the bus.
+    CyclesPerWord(u32),
+    Range::integer(1.0, 1024.0)
+);
+quantity!(
     /// The largest is 2^53 - 1, which every reader of TOML and JSON takes exactly.
     Seed(u64),
     Range::integer(0.0, 9_007_199_254_740_991.0)

@@ -6,10 +6,10 @@ use glam::DVec3;
 
 use super::file::{self, File};
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize, Quantum, Seconds, Seed,
-    Side, Size, Tile, Version, Ways,
+    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
+    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
 };
-use super::{Arbiter, Bus, Cluster, Image, Octree, Run, SceneSource, Topology};
+use super::{Arbiter, Bus, Cluster, Image, Octree, Processor, Run, SceneSource, Topology};
 
 impl Topology {
     /// The resolved topology as TOML. The scene's path becomes absolute, so that the text may stand anywhere.
@@ -83,23 +83,43 @@ fn cluster(cluster: &Cluster) -> file::Cluster {
     let memory = cluster.local_memory;
     file::Cluster {
         nodes: Nodes(cluster.nodes),
+        processor: cluster.processor.into(),
         local_memory: file::LocalMemory {
             size: Size(memory.size),
             line: Line(memory.line),
             ways: memory.ways.map(Ways),
             replacement: memory.replacement,
         },
-        bus: bus(cluster.bus),
+        bus: cluster.bus.into(),
     }
 }
 
-fn bus(bus: Bus) -> file::Bus {
-    match bus.arbiter {
-        Arbiter::Fifo => file::Bus { arbiter: file::Arbiter::Fifo, quantum: None },
-        Arbiter::RoundRobin { quantum } => {
-            file::Bus { arbiter: file::Arbiter::RoundRobin, quantum: Some(Quantum(quantum)) }
+impl From<Processor> for file::Processor {
+    fn from(processor: Processor) -> Self {
+        Self {
+            octree_node: Cycles(processor.octree_node),
+            primitive_test: Cycles(processor.primitive_test),
+            shading: Cycles(processor.shading),
+            local_access: Cycles(processor.local_access),
         }
-        Arbiter::FixedPriority => file::Bus { arbiter: file::Arbiter::FixedPriority, quantum: None },
+    }
+}
+
+impl From<Bus> for file::Bus {
+    fn from(bus: Bus) -> Self {
+        let (arbiter, quantum) = match bus.arbiter {
+            Arbiter::Fifo => (file::Arbiter::Fifo, None),
+            Arbiter::RoundRobin { quantum } => (file::Arbiter::RoundRobin, Some(Quantum(quantum))),
+            Arbiter::FixedPriority => (file::Arbiter::FixedPriority, None),
+        };
+        Self {
+            arbiter,
+            quantum,
+            width: Width(bus.width),
+            cycles_per_word: CyclesPerWord(bus.cycles_per_word),
+            latency: Cycles(bus.latency),
+            transactions: bus.transactions,
+        }
     }
 }
 
@@ -148,7 +168,9 @@ mod tests {
         octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
         cluster.nodes = 256\n\
         cluster.local_memory = { size = '1.5 KiB', line = 32, ways = 3, replacement = 'random' }\n\
-        cluster.bus = { arbiter = 'round_robin', quantum = 17 }\n\
+        cluster.processor = { octree_node = 0, primitive_test = 7, shading = 1000000, local_access = 3 }\n\
+        cluster.bus = { arbiter = 'round_robin', quantum = 17, width = 64, cycles_per_word = 1024, latency = 0,\n\
+            transactions = 'split' }\n\
         run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, deadlines = {\n\
             startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999 } }\n";
 

@@ -11,7 +11,7 @@ use crate::machine::local_memory::Geometry;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
 use crate::protocol::control::Packets;
-use crate::report::conservation::{Books, Conservation, NodeBook};
+use crate::report::conservation::{Books, Check, Conservation, NodeBook};
 use crate::report::{
     Bus, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests,
     Tiles,
@@ -57,7 +57,8 @@ pub(super) fn local_bytes(topology: &Topology, layout: &Layout) -> Result<u64, R
     }
 }
 
-pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
+/// `recorded`: checks of the recording besides those of the books.
+pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, total: Duration) -> Report {
     let (ledger, queue, image) = (&state.ledger, &state.queue, &state.plan.view.image);
     let line_bytes = state.plan.cluster.local_memory.line;
     let counted = counted(state);
@@ -107,7 +108,7 @@ pub(super) fn report(state: &State, facts: Facts, total: Duration) -> Report {
             log_rows: bus.log_rows,
             log_waits: bus.log_waits,
         }),
-        conservation: conservation(state, &counted, line_bytes),
+        conservation: conservation(state, &counted, line_bytes).map(|books| books.and(recorded)),
         incidents: ledger.incidents(),
         seconds: Seconds {
             load: facts.load.as_secs_f64(),

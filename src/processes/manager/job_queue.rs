@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use super::tile_order;
 use crate::ids::{Attempt, NodeId, TileId};
 use crate::protocol::control::{LostAttempt, TileGrant};
+use crate::tile_order;
 use crate::topology::{Assignment, Run};
 use crate::tracer::Tiling;
 
@@ -76,6 +76,12 @@ impl JobQueue {
     /// Tiles not done yet.
     pub(super) fn missing(&self) -> u32 {
         self.missing
+    }
+
+    /// The attempt at a tile that is part of the image.
+    pub(super) fn accepted(&self, tile: TileId) -> Option<Attempt> {
+        let tile = self.tiles.get(tile.0 as usize)?;
+        (tile.place == Place::Done).then_some(tile.attempt)
     }
 
     /// Attempts after a tile's first.

@@ -14,9 +14,9 @@ mod output_folder;
 mod plan;
 mod process;
 mod process_table;
+mod recorded;
 mod shell;
 mod state;
-mod tile_order;
 mod upload;
 
 #[cfg(test)]
@@ -39,7 +39,7 @@ use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::Topology;
+use crate::topology::{MemorySize, Topology};
 use crate::tracer::{AovSet, Tiling};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -53,6 +53,8 @@ pub struct RunRequest {
     pub out: PathBuf,
     pub aov: AovSet,
     pub exr: bool,
+    /// Whether nodes record every reference, for replay.
+    pub record_references: bool,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -94,6 +96,8 @@ pub struct RunOutcome {
 pub enum RunError {
     #[error(transparent)]
     Preparation(#[from] PreparationError),
+    #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
+    NothingToRecord,
     #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
@@ -116,7 +120,7 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
     }
 }
 
@@ -128,6 +132,9 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let start = Instant::now();
     let executables = Executables::beside_this_one()?;
     let RunRequest { topology, out, .. } = &request;
+    if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
+        return Err(RunError::NothingToRecord);
+    }
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
@@ -148,6 +155,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         tiling,
         aov: request.aov,
         exr: request.exr,
+        record_references: request.record_references,
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -160,6 +168,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         quiet: request.quiet,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
+    let recorded = request.record_references.then(|| recorded::Facts::new(topology, &prepared, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The bus holds the database from here on.
@@ -168,7 +177,11 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     // Whatever still lives is killed with its task.
     drop(runtime);
 
-    let report = closing::report(&state, facts, start.elapsed());
+    let checks = match recorded {
+        Some(facts) => facts.close(&state, &folder.recording()).map_err(RunError::Output)?,
+        None => Vec::new(),
+    };
+    let report = closing::report(&state, facts, checks, start.elapsed());
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,

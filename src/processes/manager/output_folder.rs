@@ -25,7 +25,9 @@ impl OutputFolder {
         }
         for (path, is_ours) in [
             (&folder.root, is_ours_in_root as fn(&str) -> bool),
-            (&folder.recording(), |name| name.starts_with("bus.")),
+            (&folder.recording(), |name| {
+                ["bus.", "references", "octree-levels."].iter().any(|ours| name.starts_with(ours))
+            }),
             (&folder.logs(), |name| name.ends_with(".log")),
         ] {
             remove(path, is_ours)?;

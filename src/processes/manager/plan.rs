@@ -22,6 +22,7 @@ pub(super) struct Plan {
     pub(super) tiling: Tiling,
     pub(super) aov: AovSet,
     pub(super) exr: bool,
+    pub(super) record_references: bool,
     /// The image file.
     pub(super) image: PathBuf,
     /// The folder of the recording.
@@ -67,6 +68,7 @@ impl Plan {
             octree: self.octree,
             local_memory: self.cluster.local_memory,
             seed: self.run.seed,
+            references: self.record_references.then(|| self.recording.clone()),
         }))
     }
 

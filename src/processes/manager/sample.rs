@@ -8,7 +8,7 @@ use super::plan::Plan;
 use crate::database::{Header, Layout, Normalisation, Section};
 use crate::scene::Camera;
 use crate::topology::{
-    Arbiter, Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Replacement, Run, TileOrder,
+    Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Processor, Replacement, Run, TileOrder,
 };
 use crate::tracer::view::ImageSettings;
 use crate::tracer::{AovSet, Tiling, View};
@@ -29,7 +29,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
     let image = ImageSettings { width: tiles, height: 1, depth: 4, cutoff: 0.0 };
     let layout = Layout::new([8; Section::COUNT]).expect("small");
     Plan {
-        cluster: Cluster { nodes, local_memory, bus: Bus { arbiter: Arbiter::Fifo } },
+        cluster: Cluster { nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT },
         octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
         run: run(),
         header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },
@@ -37,6 +37,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         tiling: Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 },
         aov: AovSet::default(),
         exr: false,
+        record_references: false,
         image: "out/image.png".into(),
         recording: "out/recording".into(),
     }

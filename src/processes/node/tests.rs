@@ -201,6 +201,7 @@ fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3])
         octree: Octree { leaf_size: 2, max_depth: 8, mailbox: true },
         local_memory: LocalMemory { size, line: 32, ways: None, replacement: Replacement::Lru },
         seed: 1,
+        references: None,
     }
 }
 

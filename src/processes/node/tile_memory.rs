@@ -1,25 +1,36 @@
 //! What a node traces from: all of the database, or a local memory that is filled over the bus.
 
 use super::bus_lines::BusLines;
+use super::state::Job;
 use super::whole_database::{self, PullError, WholeDatabase};
+use crate::ids::{Epoch, NodeId};
 use crate::machine::local_memory::{Geometry, GeometryError, LocalMemory, MemoryError};
+use crate::machine::references::{PART_WORDS, RecordNumbers, Recorder};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
 use crate::machine::stats::MemoryStats;
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::{NodeConfiguration, Packets};
+use crate::recording::RecordingError;
+use crate::recording::references::Writer;
 use crate::topology::{self, MemorySize};
 use crate::tracer::simd::Simd;
 use crate::tracer::wide::WideOctree;
-use crate::tracer::{AovSet, Pixels, Rect, TileTracer, TraceStats};
+use crate::tracer::{AovSet, Pixels, TileTracer, TraceStats};
 
 /// Why a tile is lost; a whole database has no such error.
-pub type TraceError = MemoryError<ConnectionError>;
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    #[error(transparent)]
+    Memory(#[from] MemoryError<ConnectionError>),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
 
 /// A memory that tiles are traced from, one after the other, and what traces them.
 pub trait TileMemory {
     /// # Errors
-    /// The memory's: the bus is lost, or a record is corrupt.
-    fn trace(&mut self, rect: Rect, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError>;
+    /// The memory's: the bus is lost, or a record is corrupt. The recording's: it cannot be written.
+    fn trace(&mut self, job: &Job, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError>;
 
     fn bus(&mut self) -> &mut BusLines;
 
@@ -37,6 +48,7 @@ pub trait TileMemory {
 /// fit the database; or those of `serve`.
 pub fn with<E: From<MemoryStartError>>(
     configuration: &NodeConfiguration,
+    process: (NodeId, Epoch),
     mut bus: BusLines,
     serve: impl FnOnce(&mut dyn TileMemory) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -46,11 +58,12 @@ pub fn with<E: From<MemoryStartError>>(
         let octree = WideOctree::derive(&database);
         return serve(&mut WholeDatabase::new(&octree, &database, view, Simd::best(), bus));
     }
+    let references = References::new(configuration, process).map_err(MemoryStartError::from)?;
     match local_memory.replacement {
-        topology::Replacement::Lru => serve(&mut Simulated::<Lru>::new(configuration, bus)?),
-        topology::Replacement::Fifo => serve(&mut Simulated::<Fifo>::new(configuration, bus)?),
-        topology::Replacement::Clock => serve(&mut Simulated::<Clock>::new(configuration, bus)?),
-        topology::Replacement::Random => serve(&mut Simulated::<Random>::new(configuration, bus)?),
+        topology::Replacement::Lru => serve(&mut Simulated::<Lru>::new(configuration, bus, references)?),
+        topology::Replacement::Fifo => serve(&mut Simulated::<Fifo>::new(configuration, bus, references)?),
+        topology::Replacement::Clock => serve(&mut Simulated::<Clock>::new(configuration, bus, references)?),
+        topology::Replacement::Random => serve(&mut Simulated::<Random>::new(configuration, bus, references)?),
     }
 }
 
@@ -60,26 +73,60 @@ pub enum MemoryStartError {
     Pull(#[from] PullError),
     #[error(transparent)]
     Geometry(#[from] GeometryError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// What is read through the local memory, written down.
+struct References {
+    writer: Writer,
+    numbers: RecordNumbers,
+    /// Of the part begun.
+    words: Vec<u32>,
+}
+
+impl References {
+    /// `None` where none are to be recorded.
+    fn new(configuration: &NodeConfiguration, (node, epoch): (NodeId, Epoch)) -> Result<Option<Self>, RecordingError> {
+        let Some(folder) = &configuration.references else { return Ok(None) };
+        let layout = &configuration.header.layout;
+        let writer = Writer::create(folder, node, epoch, layout)?;
+        let numbers = RecordNumbers::new(layout);
+        Ok(Some(Self { writer, numbers, words: Vec::with_capacity(PART_WORDS + PART_WORDS / 16) }))
+    }
 }
 
 /// Less than the whole database: one ray at a time, every record through the local memory.
 struct Simulated<R> {
     memory: LocalMemory<R, BusLines>,
     tracer: TileTracer,
+    references: Option<References>,
 }
 
 impl<R: Replacement> Simulated<R> {
-    fn new(configuration: &NodeConfiguration, bus: BusLines) -> Result<Self, MemoryStartError> {
+    fn new(
+        configuration: &NodeConfiguration,
+        bus: BusLines,
+        references: Option<References>,
+    ) -> Result<Self, MemoryStartError> {
         let NodeConfiguration { header, view, octree, local_memory, seed, .. } = configuration;
         let geometry = Geometry::new(local_memory, &header.layout)?;
         let memory = LocalMemory::new(geometry, &header.layout, *seed, bus);
-        Ok(Self { memory, tracer: TileTracer::new(header, view, octree.mailbox) })
+        Ok(Self { memory, tracer: TileTracer::new(header, view, octree.mailbox), references })
     }
 }
 
 impl<R: Replacement> TileMemory for Simulated<R> {
-    fn trace(&mut self, rect: Rect, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError> {
-        self.tracer.trace(&mut self.memory, rect, aov)
+    fn trace(&mut self, job: &Job, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError> {
+        let Some(References { writer, numbers, words }) = &mut self.references else {
+            return Ok(self.tracer.trace(&mut self.memory, job.rect, aov)?);
+        };
+        writer.begin(job.tile, job.attempt);
+        words.clear();
+        let mut port = Recorder::new(&mut self.memory, *numbers, words, |part| writer.part(part));
+        let (pixels, stats) = self.tracer.trace(&mut port, job.rect, aov)?;
+        writer.end(words, stats.primitive_tests)?;
+        Ok((pixels, stats))
     }
 
     fn bus(&mut self) -> &mut BusLines {

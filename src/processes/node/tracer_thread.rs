@@ -13,7 +13,7 @@ use super::bus_lines::BusLines;
 use super::state::{Job, Traced};
 use super::tile_memory::{self, TileMemory};
 use crate::protocol::control::{NodeConfiguration, Packets};
-use crate::protocol::hello::Hello;
+use crate::protocol::hello::{Hello, Role};
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::tracer::AovSet;
 
@@ -58,7 +58,8 @@ fn trace_all(
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
     let bus = BusLines::connect(configuration.bus, hello)?;
-    tile_memory::with(configuration, bus, |memory| {
+    let Role::Node(node) = hello.role else { return Err("this process is no node".into()) };
+    tile_memory::with(configuration, (node, hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));
         for job in jobs {
             let traced = trace(&job, memory, configuration.aov)?;
@@ -73,7 +74,7 @@ fn trace_all(
 fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, Box<dyn Error>> {
     let start = thread_cpu_nanoseconds()?;
     memory.bus().begin(job.tile, job.attempt);
-    let (pixels, trace) = memory.trace(job.rect, aov)?;
+    let (pixels, trace) = memory.trace(job, aov)?;
     let render_cpu_nanoseconds = thread_cpu_nanoseconds()?.saturating_sub(start);
     memory.bus().tell_pixels(job.rect.pixel_count())?;
     let Job { tile, attempt, .. } = *job;

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::bus_lines::BusLines;
+use super::state::Job;
 use super::tile_memory::{TileMemory, TraceError};
 use crate::database::verify::{Corrupt, Verified};
 use crate::database::{Database, Header};
@@ -67,7 +68,8 @@ impl<'a> WholeDatabase<'a> {
 impl TileMemory for WholeDatabase<'_> {
     /// Strip by strip: the tracer is fastest when the rays of one call fit into a processor's cache, a run when
     /// tiles are larger than that.
-    fn trace(&mut self, rect: Rect, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError> {
+    fn trace(&mut self, job: &Job, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError> {
+        let rect = job.rect;
         let mut stats = TraceStats::default();
         let mut pixels = Pixels::with_room(rect.pixel_count(), aov);
         let height = (STRIP_PIXELS / rect.width).max(STRIP_HEIGHT_MIN);

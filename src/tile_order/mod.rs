@@ -9,7 +9,7 @@ use crate::topology::TileOrder;
 use crate::tracer::Tiling;
 
 /// Every tile of the image once. `seed` decides the random order alone.
-pub(super) fn tiles(order: TileOrder, tiling: Tiling, seed: u64) -> Vec<TileId> {
+pub fn tiles(order: TileOrder, tiling: Tiling, seed: u64) -> Vec<TileId> {
     match order {
         TileOrder::Scanline => scanline::tiles(tiling),
         TileOrder::Morton => morton::tiles(tiling),

@@ -1,0 +1,83 @@
+//! The columns of recorded references. docs/recording.md explains each.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, BooleanArray, ListArray, RecordBatch, UInt32Array, UInt64Array};
+use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
+
+use crate::database::Layout;
+use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::recording::records_json;
+
+/// Raised when a column or a word changes its meaning; a column added at the end does not raise it.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// The file of a node process.
+pub fn file_name(node: NodeId, epoch: Epoch) -> String {
+    format!("references-n{:03}-e{}.arrows", node.0, epoch.0)
+}
+
+/// A row: some words of the stream of one tile.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Part<'a> {
+    pub(super) tile: TileId,
+    pub(super) attempt: Attempt,
+    /// From 0 in each tile and attempt.
+    pub(super) part: u32,
+    /// Of the last part: the primitive tests that the tracer counted in the tile.
+    pub(super) primitive_tests: Option<u64>,
+    pub(super) words: &'a [u32],
+}
+
+/// The columns up to the words.
+pub(super) const COLUMNS: [&str; 7] = ["tile", "attempt", "part", "is_last", "primitive_tests", "crc32c", "references"];
+
+pub(super) fn schema(node: NodeId, epoch: Epoch, layout: &Layout) -> SchemaRef {
+    let [tile, attempt, part, is_last, tests, crc32c, references] = COLUMNS;
+    let always = |column: &str, data_type| Field::new(column, data_type, false);
+    let fields = vec![
+        always(tile, DataType::UInt32),
+        always(attempt, DataType::UInt32),
+        always(part, DataType::UInt32),
+        always(is_last, DataType::Boolean),
+        always(tests, DataType::UInt64),
+        always(crc32c, DataType::UInt32),
+        always(references, DataType::List(word())),
+    ];
+    let entries = [
+        ("marti.format", "references".to_owned()),
+        ("marti.format_version", FORMAT_VERSION.to_string()),
+        ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("marti.node", node.0.to_string()),
+        ("marti.epoch", epoch.0.to_string()),
+        ("marti.image_bytes", layout.image_bytes().to_string()),
+        ("marti.records", records_json(layout)),
+    ];
+    let entries: HashMap<_, _> = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    Arc::new(Schema::new_with_metadata(fields, entries))
+}
+
+fn word() -> Arc<Field> {
+    Arc::new(Field::new("word", DataType::UInt32, false))
+}
+
+/// A batch of the one row.
+///
+/// # Errors
+/// Never for parts of this program; arrow checks that columns and schema agree.
+pub(super) fn batch(schema: &SchemaRef, part: &Part) -> Result<RecordBatch, ArrowError> {
+    let u32s = |value| -> ArrayRef { Arc::new(UInt32Array::from_value(value, 1)) };
+    let words = UInt32Array::from(part.words.to_vec());
+    let offsets = arrow_buffer::OffsetBuffer::from_lengths([part.words.len()]);
+    let columns: Vec<ArrayRef> = vec![
+        u32s(part.tile.0),
+        u32s(part.attempt.0),
+        u32s(part.part),
+        Arc::new(BooleanArray::from(vec![part.primitive_tests.is_some()])),
+        Arc::new(UInt64Array::from_value(part.primitive_tests.unwrap_or(0), 1)),
+        u32s(crc32c::crc32c(bytemuck::cast_slice(part.words))),
+        Arc::new(ListArray::try_new(word(), offsets, Arc::new(words), None)?),
+    ];
+    RecordBatch::try_new(Arc::clone(schema), columns)
+}
