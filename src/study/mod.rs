@@ -2,6 +2,7 @@
 //! this program finds; [`sweep`] the same for a scene of one's own.
 
 pub mod counts;
+pub mod kept;
 pub mod levels;
 pub mod paper;
 pub mod published;

@@ -1,12 +1,12 @@
 //! A scene that was traced, to be looked at from all sides.
 
-use crate::database::records::{OctreeNode, OctreeWord};
+use crate::database::Layout;
 use crate::database::verify::Verified;
-use crate::database::{Layout, Section};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::{Event, Word};
 use crate::machine::replacement::Replacement;
 use crate::machine::stats::MemoryStats;
+use crate::recording::references::octree_levels;
 use crate::replay::count::{Replayer, Sum, Tally, Totals};
 use crate::replay::detail::{Classes, Detail};
 use crate::replay::schedule::Schedule;
@@ -30,7 +30,7 @@ impl<T: Trace> Subject<T> {
     /// The trace cannot be read.
     pub fn new(scene: String, octree: Octree, database: &Verified, trace: T) -> Result<Self, TraceError> {
         let layout = database.database().header.layout.clone();
-        let reads = reads(&layout, &levels(database), &trace)?;
+        let reads = reads(&layout, &octree_levels(database), &trace)?;
         Ok(Self { scene, octree, layout, trace, reads })
     }
 
@@ -83,23 +83,10 @@ fn reads(layout: &Layout, levels: &[u8], trace: &impl Trace) -> Result<MemorySta
     Ok(detail.stats)
 }
 
-/// By block of eight octree words, the level of the nodes in it; the root's is 0.
-fn levels(database: &Verified) -> Vec<u8> {
-    let words: &[OctreeWord] = database.database().records(Section::OctreeNodes);
-    let mut levels = vec![0; words.len() / 8];
-    let mut rest = vec![(words[0], 0u8)];
-    while let Some((word, level)) = rest.pop() {
-        if let Some(OctreeNode::Branch(block)) = word.decode() {
-            levels[block as usize] = level + 1;
-            rest.extend(words[block as usize * 8..][..8].iter().map(|&child| (child, level + 1)));
-        }
-    }
-    levels
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::database::Section;
     use crate::machine::replacement::Lru;
     use crate::machine::stats::{CLASSES, Counters, octree_class};
     use crate::study::{levels, sample};

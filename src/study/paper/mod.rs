@@ -15,11 +15,12 @@ pub use rows::csv;
 pub use table1::Table1;
 pub use text::text;
 
+use super::kept::Kept;
 use super::subject::Subject;
 use super::traffic::{Traffic, TrafficError};
 use super::{published, setting};
 use crate::preparation::{self, Fallback, PreparationError, Prepared};
-use crate::replay::{Captured, parallel};
+use crate::replay::parallel;
 use crate::scene::procedural::{Kind, Procedural};
 use crate::topology::{LocalMemory, MemorySize, Octree, Replacement, SceneSource};
 use crate::tracer::Tiling;
@@ -89,6 +90,8 @@ pub struct Paper {
 pub enum PaperError {
     #[error(transparent)]
     Preparation(#[from] PreparationError),
+    #[error("references cannot be kept: {0}")]
+    Kept(#[from] std::io::Error),
     #[error(transparent)]
     Traffic(#[from] TrafficError),
 }
@@ -100,7 +103,7 @@ impl Paper {
     /// Traces and replays; takes a minute or two on two processors. `tell` is told what is begun.
     ///
     /// # Errors
-    /// There is none with the paper's scenes, which this program makes itself.
+    /// There is no room for temporary files; the paper's scenes, which this program makes itself, are in order.
     pub fn study(tell: impl Fn(&str)) -> Result<Self, PaperError> {
         let (side, tile) = (published::IMAGE_SIDE, published::TILE_SIDE);
         let tiling = Tiling { width: side, height: side, tile_width: tile, tile_height: tile };
@@ -135,9 +138,9 @@ impl Paper {
         let name = format!("{}, {}", scene.source(), setting::octree(octree));
         tell(&format!("{name}: tracing"));
         let prepared = self.prepare(scene, octree)?;
-        let captured = Captured::capture(&prepared.database, &prepared.view, self.tiling, octree.mailbox, 1);
-        let subject = Subject::new(scene.source().to_string(), octree, &prepared.database, captured)
-            .map_err(TrafficError::from)?;
+        let kept = Kept::capture(&prepared.database, &prepared.view, self.tiling, octree.mailbox)?;
+        let subject =
+            Subject::new(scene.source().to_string(), octree, &prepared.database, kept).map_err(TrafficError::from)?;
         tell(&format!("{name}: replaying"));
         let found = self.replay(&subject, &clusters(LINES, published::NODES), &SIZES)?;
         for traffic in found.iter().filter(|traffic| traffic.nodes == published::TABLE_NODES) {
@@ -156,7 +159,7 @@ impl Paper {
     /// Clusters are a line, nodes, and a replacement policy.
     fn replay(
         &self,
-        subject: &Subject<Captured>,
+        subject: &Subject<Kept>,
         clusters: &[(u32, u16, Replacement)],
         sizes: &[MemorySize],
     ) -> Result<Vec<Traffic>, TrafficError> {
