@@ -4,11 +4,14 @@
 
 pub mod captured;
 pub mod count;
+pub mod curve;
 pub mod detail;
 pub mod lines;
 pub mod live;
 pub mod parallel;
+pub mod reads;
 pub mod schedule;
+pub mod stack_distance;
 
 pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;

@@ -8,6 +8,7 @@ use crate::machine::replacement::Replacement;
 use crate::machine::stats::MemoryStats;
 use crate::recording::references::octree_levels;
 use crate::replay::count::{Replayer, Sum, Tally, Totals};
+use crate::replay::curve::{self, LruCurve};
 use crate::replay::detail::{Classes, Detail};
 use crate::replay::schedule::Schedule;
 use crate::replay::{RecordLines, Trace, TraceError};
@@ -25,6 +26,13 @@ pub struct Subject<T> {
     pub reads: MemoryStats,
 }
 
+impl<T> Subject<T> {
+    /// 32-bit words, by all rays.
+    pub fn words_read(&self) -> u64 {
+        self.reads.words_read()
+    }
+}
+
 impl<T: Trace> Subject<T> {
     /// # Errors
     /// The trace cannot be read.
@@ -32,6 +40,17 @@ impl<T: Trace> Subject<T> {
         let layout = database.database().header.layout.clone();
         let reads = reads(&layout, &octree_levels(database), &trace)?;
         Ok(Self { scene, octree, layout, trace, reads })
+    }
+
+    /// What memories of all sizes count, fully associative and LRU: the sum of all nodes.
+    ///
+    /// # Errors
+    /// The trace cannot be read.
+    pub fn curve(&self, schedule: &Schedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
+        let lines = RecordLines::new(&self.layout, line_bytes);
+        let mut sum = LruCurve::default();
+        curve::by_node(&self.trace, schedule, &lines)?.iter().for_each(|node| sum.add(node));
+        Ok(sum)
     }
 
     /// Counts of all nodes, each with a local memory of its own that replaces by `R`.
@@ -118,7 +137,9 @@ mod tests {
         let order = subject.scanline();
         let misses = |nodes| {
             let schedule = Schedule::interleaved(&order, nodes);
-            subject.totals::<Lru>(&schedule, geometry, 0).expect("in memory").line_misses
+            let totals = subject.totals::<Lru>(&schedule, geometry, 0).expect("in memory");
+            assert_eq!(subject.curve(&schedule, 64).expect("in memory").at(geometry.lines()), totals);
+            totals.line_misses
         };
         let (one, three) = (misses(1), misses(3));
         assert!(one <= u64::from(geometry.image_lines), "{one}");

@@ -5,9 +5,11 @@ use serde::{Serialize, Serializer};
 use super::counts::{Counts, Ratio, ratio};
 use super::setting::Setting;
 use super::subject::Subject;
-use crate::machine::local_memory::{Geometry, GeometryError};
+use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
+use crate::replay::count::Totals;
+use crate::replay::curve::LruCurve;
 use crate::replay::schedule::Schedule;
 use crate::replay::{Trace, TraceError};
 use crate::topology::{Assignment, LocalMemory, MemorySize, Replacement, TileOrder};
@@ -23,6 +25,17 @@ pub struct Traffic {
     /// What a processor without a local memory reads from the memory for the same tiles.
     pub unique_processor_bytes: u64,
     pub sizes: Vec<Size>,
+    /// All sizes of a fully associative LRU memory; empty for any other.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// A point of the curve of all sizes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CurvePoint {
+    /// Of one node.
+    pub local_bytes: u64,
+    pub misses: u64,
+    pub bus_bytes: u64,
 }
 
 /// What is told on the bus besides data of the scene. It does not depend on the local memories.
@@ -91,7 +104,18 @@ impl Traffic {
         seed: u64,
     ) -> Result<Self, TrafficError> {
         let schedule = Schedule::interleaved(&subject.scanline(), nodes);
-        let sizes = sizes.iter().map(|&size| Size::new(subject, &schedule, LocalMemory { size, ..memory }, seed));
+        let one_pass = memory.replacement == Replacement::Lru && memory.ways.is_none();
+        let curve = one_pass.then(|| subject.curve(&schedule, memory.line)).transpose()?;
+        let size = |&size: &MemorySize| {
+            let memory = LocalMemory { size, ..memory };
+            let geometry = Geometry::new(&memory, &subject.layout)?;
+            let totals = match &curve {
+                Some(curve) => curve.at(geometry.lines()),
+                None => totals(subject, &schedule, memory.replacement, geometry, seed)?,
+            };
+            Ok::<_, TrafficError>(Size::new(subject, nodes, size, geometry, &totals))
+        };
+        let sizes = sizes.iter().map(size).collect::<Result<_, _>>()?;
         Ok(Self {
             setting: Setting {
                 scene: subject.scene.clone(),
@@ -105,8 +129,9 @@ impl Traffic {
             },
             nodes,
             messages: Messages::new(tiling),
-            unique_processor_bytes: 4 * subject.reads.words_read(),
-            sizes: sizes.collect::<Result<_, _>>()?,
+            unique_processor_bytes: 4 * subject.words_read(),
+            sizes,
+            curve: curve.map_or_else(Vec::new, |curve| sampled(&curve, memory.line, subject.layout.image_bytes())),
         })
     }
 
@@ -120,27 +145,51 @@ impl Traffic {
     }
 }
 
-impl Size {
-    fn new<T: Trace>(
-        subject: &Subject<T>,
-        schedule: &Schedule,
-        memory: LocalMemory,
-        seed: u64,
-    ) -> Result<Self, TrafficError> {
-        let geometry = Geometry::new(&memory, &subject.layout)?;
-        let totals = match memory.replacement {
-            Replacement::Lru => subject.totals::<Lru>(schedule, geometry, seed),
-            Replacement::Fifo => subject.totals::<Fifo>(schedule, geometry, seed),
-            Replacement::Clock => subject.totals::<Clock>(schedule, geometry, seed),
-            Replacement::Random => subject.totals::<Random>(schedule, geometry, seed),
-        }?;
-        let mut counts = Counts::new(&totals, subject.reads.words_read(), memory.line);
-        let mut bus_bytes = counts.bus_bytes();
-        if memory.size == MemorySize::All {
-            counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
-            bus_bytes = schedule.nodes.len() as u64 * subject.layout.image_bytes();
+fn totals<T: Trace>(
+    subject: &Subject<T>,
+    schedule: &Schedule,
+    replacement: Replacement,
+    geometry: Geometry,
+    seed: u64,
+) -> Result<Totals, TraceError> {
+    match replacement {
+        Replacement::Lru => subject.totals::<Lru>(schedule, geometry, seed),
+        Replacement::Fifo => subject.totals::<Fifo>(schedule, geometry, seed),
+        Replacement::Clock => subject.totals::<Clock>(schedule, geometry, seed),
+        Replacement::Random => subject.totals::<Random>(schedule, geometry, seed),
+    }
+}
+
+/// Four points an octave, from the smallest memory to one of `image_bytes`.
+fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoint> {
+    let most = (image_bytes / u64::from(line_bytes)).max(u64::from(LINES_MIN)) as u32;
+    let mut points = Vec::new();
+    let mut quarter = 0;
+    loop {
+        let lines = (f64::from(LINES_MIN) * libm::exp2(f64::from(quarter) / 4.0)) as u32;
+        let lines = lines.min(most);
+        let totals = curve.at(lines);
+        points.push(CurvePoint {
+            local_bytes: u64::from(lines) * u64::from(line_bytes),
+            misses: totals.record_misses,
+            bus_bytes: totals.line_misses * u64::from(line_bytes),
+        });
+        if lines == most {
+            return points;
         }
-        Ok(Self { local_memory: memory.size, local_bytes: geometry.local_bytes(), counts, bus_bytes })
+        quarter += 1;
+    }
+}
+
+impl Size {
+    fn new<T>(subject: &Subject<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Totals) -> Self {
+        let mut counts = Counts::new(totals, subject.words_read(), geometry.line_bytes);
+        let mut bus_bytes = counts.bus_bytes();
+        if size == MemorySize::All {
+            counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
+            bus_bytes = u64::from(nodes) * subject.layout.image_bytes();
+        }
+        Self { local_memory: size, local_bytes: geometry.local_bytes(), counts, bus_bytes }
     }
 
     pub fn ratio(&self, ratio: Ratio) -> f64 {

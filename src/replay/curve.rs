@@ -1,0 +1,297 @@
+//! Misses of LRU memories of all sizes at once.
+
+use super::count::Totals;
+use super::reads;
+use super::schedule::Schedule;
+use super::stack_distance::LruStack;
+use super::{Lines, Trace, TraceError};
+
+/// How often a fully associative LRU memory misses, for every number of lines that it may have.
+///
+/// A line is missed by memories of at most as many lines as were referenced since; a record, whose lines are
+/// referenced one after the other, by those that miss any of its lines: by its line of the largest distance.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct LruCurve {
+    records: Distances,
+    lines: Distances,
+}
+
+/// The curve at a number of lines. From here to the next point it is flat.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Point {
+    pub lines: u32,
+    pub record_misses: u64,
+    pub line_misses: u64,
+}
+
+impl LruCurve {
+    /// What a memory of so many lines counts.
+    pub fn at(&self, lines: u32) -> Totals {
+        Totals {
+            record_accesses: self.records.all(),
+            record_misses: self.records.at_least(lines),
+            line_accesses: self.lines.all(),
+            line_misses: self.lines.at_least(lines),
+        }
+    }
+
+    /// What no memory can avoid: lines referenced for the first time, and the records that they belong to.
+    pub fn compulsory(&self) -> Totals {
+        self.at(u32::MAX)
+    }
+
+    /// The least number of lines from which on only compulsory misses are left.
+    pub fn enough(&self) -> u32 {
+        let last = |distances: &Distances| distances.counts.iter().rposition(|&n| n > 0).map_or(0, |d| d + 1);
+        last(&self.lines).max(last(&self.records)) as u32
+    }
+
+    /// From one line on, all numbers of lines where the curve changes.
+    pub fn points(&self) -> Vec<Point> {
+        let mut now = Point { lines: 0, record_misses: self.records.all(), line_misses: self.lines.all() };
+        let mut points = Vec::new();
+        for distance in 0..self.enough().max(1) {
+            let (records, lines) = (self.records.exactly(distance), self.lines.exactly(distance));
+            now.lines = distance + 1;
+            now.record_misses -= records;
+            now.line_misses -= lines;
+            if distance == 0 || records > 0 || lines > 0 {
+                points.push(now);
+            }
+        }
+        points
+    }
+
+    /// Of several memories of the same size, each with its own references.
+    pub fn add(&mut self, other: &Self) {
+        self.records.add(&other.records);
+        self.lines.add(&other.lines);
+    }
+
+    /// Counts a record by the distances of its lines.
+    #[inline(always)]
+    fn count(&mut self, distances: impl Iterator<Item = u32>) {
+        let mut farthest = 0;
+        for distance in distances {
+            self.lines.count(distance);
+            farthest = farthest.max(distance);
+        }
+        self.records.count(farthest);
+    }
+}
+
+/// The curve of one process's memory, which is empty at first: `tiles` are those that it traced, in order, as indices
+/// into those of the trace. All tiles reference lines; only those of accepted ones are counted.
+///
+/// # Errors
+/// The trace's; a word of a kind that this version does not know, or a record that does not exist.
+pub fn curve(trace: &(impl Trace + ?Sized), tiles: &[u32], lines: &impl Lines) -> Result<LruCurve, TraceError> {
+    let mut stack = LruStack::new(lines.count());
+    let mut curve = LruCurve::default();
+    let mut words = Vec::new();
+    for &tile in tiles {
+        let tile = &trace.tiles()[tile as usize];
+        for part in tile.parts.clone() {
+            trace.read(part, &mut words)?;
+            reads::for_each(&words, lines, |first, count| {
+                let distances = (first..first + count).map(|line| stack.reference(line));
+                if tile.accepted {
+                    curve.count(distances);
+                } else {
+                    distances.for_each(drop);
+                }
+            })?;
+        }
+    }
+    Ok(curve)
+}
+
+/// The curve of each node's memory. Those of a cluster are to be added: each of its nodes has a memory of that size.
+///
+/// # Errors
+/// As [`curve`]'s.
+pub fn by_node(
+    trace: &(impl Trace + ?Sized),
+    schedule: &Schedule,
+    lines: &impl Lines,
+) -> Result<Vec<LruCurve>, TraceError> {
+    let of_node = |processes: &Vec<Vec<u32>>| {
+        let mut sum = LruCurve::default();
+        for tiles in processes {
+            sum.add(&curve(trace, tiles, lines)?);
+        }
+        Ok(sum)
+    };
+    schedule.nodes.iter().map(of_node).collect()
+}
+
+/// References by their distance.
+#[derive(Clone, Debug, Default)]
+struct Distances {
+    first: u64,
+    /// By distance, up to any number above the largest one; those beyond are 0.
+    counts: Vec<u64>,
+}
+
+impl Distances {
+    #[inline(always)]
+    fn count(&mut self, distance: u32) {
+        if let Some(count) = self.counts.get_mut(distance as usize) {
+            *count += 1;
+        } else {
+            self.count_farther(distance);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn count_farther(&mut self, distance: u32) {
+        if distance == LruStack::FIRST {
+            self.first += 1;
+        } else {
+            self.counts.resize((distance as usize + 1).next_power_of_two(), 0);
+            self.counts[distance as usize] += 1;
+        }
+    }
+
+    fn exactly(&self, distance: u32) -> u64 {
+        self.counts.get(distance as usize).copied().unwrap_or(0)
+    }
+
+    fn at_least(&self, distance: u32) -> u64 {
+        self.first + self.counts.iter().skip(distance as usize).sum::<u64>()
+    }
+
+    fn all(&self) -> u64 {
+        self.at_least(0)
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.first += other.first;
+        self.counts.resize(self.counts.len().max(other.counts.len()), 0);
+        self.counts.iter_mut().zip(&other.counts).for_each(|(mine, theirs)| *mine += theirs);
+    }
+}
+
+impl PartialEq for Distances {
+    fn eq(&self, other: &Self) -> bool {
+        let len = self.counts.len().max(other.counts.len()) as u32;
+        self.first == other.first && (0..len).all(|distance| self.exactly(distance) == other.exactly(distance))
+    }
+}
+
+impl Eq for Distances {}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::reads::tests::{Overlapping, Single, captured};
+    use super::*;
+    use crate::ids::Epoch;
+
+    fn curve_of(string: &[u32]) -> LruCurve {
+        curve(&captured(&[string], 5), &[0], &Single(64)).expect("sound")
+    }
+
+    fn line_misses(string: &[u32], sizes: std::ops::RangeInclusive<u32>) -> Vec<u64> {
+        let curve = curve_of(string);
+        sizes.map(|lines| curve.at(lines).line_misses).collect()
+    }
+
+    #[test]
+    fn beladys_string() {
+        // On which FIFO misses 9 times with three frames and 10 with four; LRU never more with more.
+        let string = [1, 2, 3, 4, 1, 2, 5, 1, 2, 3, 4, 5];
+        assert_eq!(line_misses(&string, 1..=6), [12, 12, 10, 8, 5, 5]);
+    }
+
+    #[test]
+    fn mattsons_kind_of_string() {
+        // a b b c b a d c a a; distances ∞ ∞ 0 ∞ 1 2 ∞ 3 2 0, by hand.
+        let string = [0, 1, 1, 2, 1, 0, 3, 2, 0, 0];
+        assert_eq!(line_misses(&string, 0..=5), [10, 8, 7, 5, 4, 4]);
+        let curve = curve_of(&string);
+        assert_eq!((curve.compulsory().line_misses, curve.enough()), (4, 4));
+        let points: Vec<_> = curve.points().iter().map(|p| (p.lines, p.record_misses, p.line_misses)).collect();
+        assert_eq!(points, [(1, 8, 8), (2, 7, 7), (3, 5, 5), (4, 4, 4)]);
+    }
+
+    #[test]
+    fn nothing_is_a_flat_curve() {
+        let none = LruCurve::default();
+        assert_eq!(none.points(), [Point { lines: 1, record_misses: 0, line_misses: 0 }]);
+        assert_eq!((none.at(0), none.enough()), (Totals::default(), 0));
+        assert_eq!(curve_of(&[3, 3]).points(), [Point { lines: 1, record_misses: 1, line_misses: 1 }]);
+    }
+
+    #[test]
+    fn a_tile_that_was_lost_fills_the_memory_and_counts_for_nothing() {
+        let mut trace = captured(&[&[1, 2], &[3, 1], &[2, 3]], 2);
+        trace.tiles[1].accepted = false;
+        let curve = curve(&trace, &[0, 1, 2], &Single(9)).expect("sound");
+        // Counted: 1 and 2 for the first time, 2 and 3 each at distance 2.
+        let misses = |lines| curve.at(lines).line_misses;
+        assert_eq!((curve.at(9).record_accesses, misses(2), misses(3)), (4, 4, 2));
+    }
+
+    #[test]
+    fn a_process_begins_with_an_empty_memory_and_nodes_add_up() {
+        let mut trace = captured(&[&[1, 2], &[1, 2], &[2, 1]], 2);
+        trace.tiles[2].epoch = Epoch(1);
+        let schedule = Schedule::recorded(&trace, 2);
+        let curves = by_node(&trace, &schedule, &Single(9)).expect("sound");
+        assert_eq!(curves.len(), 2);
+        assert_eq!([1, 2].map(|lines| curves[0].at(lines).line_misses), [6, 4]);
+        assert_eq!(curves[1], LruCurve::default());
+        let mut sum = curves[0].clone();
+        sum.add(&curves[0]);
+        assert_eq!([1, 2].map(|lines| sum.at(lines).line_misses), [12, 8]);
+    }
+
+    #[test]
+    fn a_record_that_does_not_exist_is_an_error() {
+        assert!(curve(&captured(&[&[9]], 1), &[0], &Single(9)).is_err());
+    }
+
+    proptest! {
+        /// Records of several lines against lists, at every size.
+        #[test]
+        fn agrees_with_lists(records in prop::collection::vec(0u32..60, 0..300), part in 1usize..40) {
+            let lines = Overlapping { lines: 32 };
+            let curve = curve(&captured(&[&records], part), &[0], &lines).expect("sound");
+            let mut before = None;
+            for size in 1..=33u32 {
+                let expected = by_list(&records, &lines, size as usize);
+                prop_assert_eq!(curve.at(size), expected, "{} lines", size);
+                prop_assert!(before.is_none_or(|before| expected.line_misses <= before), "inclusion");
+                before = Some(expected.line_misses);
+            }
+            for point in curve.points() {
+                let at = curve.at(point.lines);
+                prop_assert_eq!((at.record_misses, at.line_misses), (point.record_misses, point.line_misses));
+            }
+            prop_assert_eq!(curve.at(curve.enough()), curve.compulsory());
+        }
+    }
+
+    fn by_list(records: &[u32], lines: &impl Lines, size: usize) -> Totals {
+        let (mut list, mut totals) = (Vec::new(), Totals::default());
+        for (first, count) in records.iter().map(|&record| lines.of(record)) {
+            let mut missing = 0;
+            for line in first..first + count {
+                match list.iter().position(|&l| l == line) {
+                    Some(place) => drop(list.remove(place)),
+                    None => missing += 1,
+                }
+                list.insert(0, line);
+                list.truncate(size);
+            }
+            totals.record_accesses += 1;
+            totals.line_accesses += u64::from(count);
+            totals.record_misses += u64::from(missing > 0);
+            totals.line_misses += missing;
+        }
+        totals
+    }
+}
