@@ -123,10 +123,10 @@ mod tests {
 
     #[test]
     fn what_is_kept_is_what_was_captured() {
-        let (prepared, subject) = sample::gears();
-        let kept = Kept::capture(&prepared.database, &prepared.view, sample::TILING, subject.octree.mailbox)
+        let (prepared, traced) = sample::gears();
+        let kept = Kept::capture(&prepared.database, &prepared.view, sample::TILING, traced.octree.mailbox)
             .expect("a temporary file");
-        assert_eq!(kept.tiles().len(), subject.trace.tiles().len());
+        assert_eq!(kept.tiles().len(), traced.trace.tiles().len());
         let words = |trace: &dyn Trace, parts: Range<u32>| {
             let mut part = Vec::new();
             let mut all = Vec::new();
@@ -136,9 +136,9 @@ mod tests {
             }
             all
         };
-        for (ours, theirs) in kept.tiles().iter().zip(subject.trace.tiles()) {
+        for (ours, theirs) in kept.tiles().iter().zip(traced.trace.tiles()) {
             assert_eq!(ours.tile, theirs.tile);
-            assert_eq!(words(&kept, ours.parts.clone()), words(&subject.trace, theirs.parts.clone()));
+            assert_eq!(words(&kept, ours.parts.clone()), words(&traced.trace, theirs.parts.clone()));
         }
         assert!(kept.read(kept.parts.len() as u32, &mut Vec::new()).is_err());
     }

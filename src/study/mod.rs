@@ -4,11 +4,13 @@
 pub mod counts;
 pub mod kept;
 pub mod levels;
+pub mod page;
 pub mod paper;
+pub mod plot;
 pub mod published;
 pub mod setting;
-pub mod subject;
 pub mod table;
+pub mod traced;
 pub mod traffic;
 
 #[cfg(test)]

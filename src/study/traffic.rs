@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::counts::{Counts, Ratio, ratio};
 use super::setting::Setting;
-use super::subject::Subject;
+use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
@@ -96,31 +96,31 @@ impl Traffic {
     /// # Errors
     /// The trace cannot be read, or a memory is too small.
     pub fn new<T: Trace>(
-        subject: &Subject<T>,
+        traced: &Traced<T>,
         tiling: Tiling,
         memory: LocalMemory,
         nodes: u16,
         sizes: &[MemorySize],
         seed: u64,
     ) -> Result<Self, TrafficError> {
-        let schedule = Schedule::interleaved(&subject.scanline(), nodes);
+        let schedule = Schedule::interleaved(&traced.scanline(), nodes);
         let one_pass = memory.replacement == Replacement::Lru && memory.ways.is_none();
-        let curve = one_pass.then(|| subject.curve(&schedule, memory.line)).transpose()?;
+        let curve = one_pass.then(|| traced.curve(&schedule, memory.line)).transpose()?;
         let size = |&size: &MemorySize| {
             let memory = LocalMemory { size, ..memory };
-            let geometry = Geometry::new(&memory, &subject.layout)?;
+            let geometry = Geometry::new(&memory, &traced.layout)?;
             let totals = match &curve {
                 Some(curve) => curve.at(geometry.lines()),
-                None => totals(subject, &schedule, memory.replacement, geometry, seed)?,
+                None => totals(traced, &schedule, memory.replacement, geometry, seed)?,
             };
-            Ok::<_, TrafficError>(Size::new(subject, nodes, size, geometry, &totals))
+            Ok::<_, TrafficError>(Size::new(traced, nodes, size, geometry, &totals))
         };
         let sizes = sizes.iter().map(size).collect::<Result<_, _>>()?;
         Ok(Self {
             setting: Setting {
-                scene: subject.scene.clone(),
-                octree: subject.octree,
-                database_bytes: subject.layout.image_bytes(),
+                scene: traced.scene.clone(),
+                octree: traced.octree,
+                database_bytes: traced.layout.image_bytes(),
                 line_bytes: memory.line,
                 ways: memory.ways,
                 replacement: memory.replacement,
@@ -129,9 +129,9 @@ impl Traffic {
             },
             nodes,
             messages: Messages::new(tiling),
-            unique_processor_bytes: 4 * subject.words_read(),
+            unique_processor_bytes: 4 * traced.words_read(),
             sizes,
-            curve: curve.map_or_else(Vec::new, |curve| sampled(&curve, memory.line, subject.layout.image_bytes())),
+            curve: curve.map_or_else(Vec::new, |curve| sampled(&curve, memory.line, traced.layout.image_bytes())),
         })
     }
 
@@ -146,17 +146,17 @@ impl Traffic {
 }
 
 fn totals<T: Trace>(
-    subject: &Subject<T>,
+    traced: &Traced<T>,
     schedule: &Schedule,
     replacement: Replacement,
     geometry: Geometry,
     seed: u64,
 ) -> Result<Totals, TraceError> {
     match replacement {
-        Replacement::Lru => subject.totals::<Lru>(schedule, geometry, seed),
-        Replacement::Fifo => subject.totals::<Fifo>(schedule, geometry, seed),
-        Replacement::Clock => subject.totals::<Clock>(schedule, geometry, seed),
-        Replacement::Random => subject.totals::<Random>(schedule, geometry, seed),
+        Replacement::Lru => traced.totals::<Lru>(schedule, geometry, seed),
+        Replacement::Fifo => traced.totals::<Fifo>(schedule, geometry, seed),
+        Replacement::Clock => traced.totals::<Clock>(schedule, geometry, seed),
+        Replacement::Random => traced.totals::<Random>(schedule, geometry, seed),
     }
 }
 
@@ -182,12 +182,12 @@ fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoin
 }
 
 impl Size {
-    fn new<T>(subject: &Subject<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Totals) -> Self {
-        let mut counts = Counts::new(totals, subject.words_read(), geometry.line_bytes);
+    fn new<T>(traced: &Traced<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Totals) -> Self {
+        let mut counts = Counts::new(totals, traced.words_read(), geometry.line_bytes);
         let mut bus_bytes = counts.bus_bytes();
         if size == MemorySize::All {
             counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
-            bus_bytes = u64::from(nodes) * subject.layout.image_bytes();
+            bus_bytes = u64::from(nodes) * traced.layout.image_bytes();
         }
         Self { local_memory: size, local_bytes: geometry.local_bytes(), counts, bus_bytes }
     }
@@ -212,15 +212,15 @@ mod tests {
 
     #[test]
     fn a_larger_memory_moves_less_and_all_moves_all() {
-        let (_, subject) = sample::gears();
+        let (_, traced) = sample::gears();
         let sizes = [published::share(8), published::share(2), MemorySize::All];
         let memory = LocalMemory { size: MemorySize::All, line: 32, ways: None, replacement: Replacement::Lru };
-        let traffic = Traffic::new(&subject, sample::TILING, memory, 3, &sizes, 0).expect("in memory");
+        let traffic = Traffic::new(&traced, sample::TILING, memory, 3, &sizes, 0).expect("in memory");
         let [eighth, half, all] = [0, 1, 2].map(|i| &traffic.sizes[i]);
         assert!(eighth.bus_bytes > half.bus_bytes);
         assert_eq!(eighth.counts.record_accesses, half.counts.record_accesses);
         assert_eq!(eighth.bus_bytes, 32 * eighth.counts.line_misses);
-        assert_eq!(all.bus_bytes, 3 * subject.layout.image_bytes());
+        assert_eq!(all.bus_bytes, 3 * traced.layout.image_bytes());
         assert_eq!(all.ratio(Ratio::MissesPerRecordAccess), 0.0);
         let [data, with_messages] = traffic.bus_shares(eighth);
         assert_eq!(data, eighth.ratio(Ratio::WordsMovedPerWordRead));

@@ -1,6 +1,7 @@
 //! The paper's own figures: both scenes traced as the paper traced them, under several settings where it leaves them
 //! open, beside what it publishes.
 
+mod charts;
 mod figure1;
 mod processors;
 mod rows;
@@ -9,6 +10,7 @@ mod text;
 
 use serde::Serialize;
 
+pub use charts::page;
 pub use figure1::{Factor, Figure1};
 pub use processors::Processors;
 pub use rows::csv;
@@ -16,7 +18,7 @@ pub use table1::Table1;
 pub use text::text;
 
 use super::kept::Kept;
-use super::subject::Subject;
+use super::traced::Traced;
 use super::traffic::{Traffic, TrafficError};
 use super::{published, setting};
 use crate::preparation::{self, Fallback, PreparationError, Prepared};
@@ -139,10 +141,10 @@ impl Paper {
         tell(&format!("{name}: tracing"));
         let prepared = self.prepare(scene, octree)?;
         let kept = Kept::capture(&prepared.database, &prepared.view, self.tiling, octree.mailbox)?;
-        let subject =
-            Subject::new(scene.source().to_string(), octree, &prepared.database, kept).map_err(TrafficError::from)?;
+        let traced =
+            Traced::new(scene.source().to_string(), octree, &prepared.database, kept).map_err(TrafficError::from)?;
         tell(&format!("{name}: replaying"));
-        let found = self.replay(&subject, &clusters(LINES, published::NODES), &SIZES)?;
+        let found = self.replay(&traced, &clusters(LINES, published::NODES), &SIZES)?;
         for traffic in found.iter().filter(|traffic| traffic.nodes == published::TABLE_NODES) {
             self.table1.extend(Table1::of(traffic, scene.table));
             self.processors.extend(Processors::of(traffic));
@@ -151,7 +153,7 @@ impl Paper {
         if first {
             let others = [Replacement::Fifo, Replacement::Clock, Replacement::Random];
             let clusters = others.map(|replacement| (64, published::TABLE_NODES, replacement));
-            self.replacements.extend(self.replay(&subject, &clusters, &published::TABLE_SIZES)?);
+            self.replacements.extend(self.replay(&traced, &clusters, &published::TABLE_SIZES)?);
         }
         Ok(())
     }
@@ -159,13 +161,13 @@ impl Paper {
     /// Clusters are a line, nodes, and a replacement policy.
     fn replay(
         &self,
-        subject: &Subject<Kept>,
+        traced: &Traced<Kept>,
         clusters: &[(u32, u16, Replacement)],
         sizes: &[MemorySize],
     ) -> Result<Vec<Traffic>, TrafficError> {
         let traffic = |&(line, nodes, replacement): &(u32, u16, Replacement)| {
             let memory = LocalMemory { size: MemorySize::All, line, ways: None, replacement };
-            Traffic::new(subject, self.tiling, memory, nodes, sizes, 0)
+            Traffic::new(traced, self.tiling, memory, nodes, sizes, 0)
         };
         parallel::map(clusters, traffic).into_iter().collect()
     }

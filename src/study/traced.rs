@@ -16,7 +16,7 @@ use crate::topology::Octree;
 
 /// References, and the database that they are of.
 #[derive(Clone, Debug)]
-pub struct Subject<T> {
+pub struct Traced<T> {
     /// As a topology names it.
     pub scene: String,
     pub octree: Octree,
@@ -26,14 +26,14 @@ pub struct Subject<T> {
     pub reads: MemoryStats,
 }
 
-impl<T> Subject<T> {
+impl<T> Traced<T> {
     /// 32-bit words, by all rays.
     pub fn words_read(&self) -> u64 {
         self.reads.words_read()
     }
 }
 
-impl<T: Trace> Subject<T> {
+impl<T: Trace> Traced<T> {
     /// # Errors
     /// The trace cannot be read.
     pub fn new(scene: String, octree: Octree, database: &Verified, trace: T) -> Result<Self, TraceError> {
@@ -113,32 +113,32 @@ mod tests {
 
     #[test]
     fn what_was_read_is_what_the_tracer_counted() {
-        let (prepared, subject) = sample::gears();
-        let stats = levels::trace(&prepared.database, &prepared.view, sample::TILING, subject.octree.mailbox);
+        let (prepared, traced) = sample::gears();
+        let stats = levels::trace(&prepared.database, &prepared.view, sample::TILING, traced.octree.mailbox);
         for (level, &accesses) in (0..).zip(&stats.octree_accesses) {
             let read = |kind: &[Counters; CLASSES]| kind[octree_class(level)].record_accesses;
-            assert_eq!(subject.reads.counters.iter().map(read).sum::<u64>(), accesses, "level {level}");
+            assert_eq!(traced.reads.counters.iter().map(read).sum::<u64>(), accesses, "level {level}");
         }
         let tests = [Section::Triangles, Section::Spheres, Section::Cones];
-        let tests: u64 = tests.map(|section| subject.reads.section(section).record_accesses).iter().sum();
+        let tests: u64 = tests.map(|section| traced.reads.section(section).record_accesses).iter().sum();
         assert_eq!(tests, stats.primitive_tests);
     }
 
     #[test]
     fn a_memory_of_the_whole_database_misses_each_line_once_a_node() {
-        let (_, subject) = sample::gears();
+        let (_, traced) = sample::gears();
         let memory = LocalMemory {
             size: MemorySize::Share { numerator: 1, denominator: 1 },
             line: 64,
             ways: None,
             replacement: Policy::Lru,
         };
-        let geometry = Geometry::new(&memory, &subject.layout).expect("fits");
-        let order = subject.scanline();
+        let geometry = Geometry::new(&memory, &traced.layout).expect("fits");
+        let order = traced.scanline();
         let misses = |nodes| {
             let schedule = Schedule::interleaved(&order, nodes);
-            let totals = subject.totals::<Lru>(&schedule, geometry, 0).expect("in memory");
-            assert_eq!(subject.curve(&schedule, 64).expect("in memory").at(geometry.lines()), totals);
+            let totals = traced.totals::<Lru>(&schedule, geometry, 0).expect("in memory");
+            assert_eq!(traced.curve(&schedule, 64).expect("in memory").at(geometry.lines()), totals);
             totals.line_misses
         };
         let (one, three) = (misses(1), misses(3));
