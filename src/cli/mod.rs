@@ -6,6 +6,7 @@ pub mod failure;
 pub mod inspect;
 pub mod options;
 pub mod render;
+pub mod replay;
 pub mod run;
 pub mod scene;
 pub mod schema;
@@ -34,6 +35,7 @@ enum Command {
     Scene(scene::SceneArguments),
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
+    Replay(Box<replay::ReplayArguments>),
     Verify(verify::VerifyArguments),
     Study(study::StudyArguments),
     Schema(schema::SchemaArguments),
@@ -49,6 +51,7 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Study(arguments) => study::study(arguments),
             Command::Schema(arguments) => schema::schema(arguments),

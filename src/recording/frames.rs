@@ -50,6 +50,16 @@ impl ReadAt for [u8] {
     }
 }
 
+impl<T: ReadAt + ?Sized> ReadAt for &T {
+    fn bytes(&self) -> io::Result<u64> {
+        (**self).bytes()
+    }
+
+    fn read_exact_at(&self, into: &mut [u8], offset: u64) -> io::Result<()> {
+        (**self).read_exact_at(into, offset)
+    }
+}
+
 /// The most that a frame of a stream may take.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct FrameLimits {
@@ -159,8 +169,8 @@ impl std::fmt::Display for Hex<'_> {
 
 /// A walk through the frames of a stream. Bodies are passed over, not read.
 #[derive(Debug)]
-pub struct Frames<'a, F: ?Sized> {
-    file: &'a F,
+pub struct Frames<F> {
+    file: F,
     file_bytes: u64,
     limits: FrameLimits,
     /// Of the next frame.
@@ -169,13 +179,17 @@ pub struct Frames<'a, F: ?Sized> {
     end: Option<StreamEnd>,
 }
 
-impl<'a, F: ReadAt + ?Sized> Frames<'a, F> {
+impl<F: ReadAt> Frames<F> {
     /// # Errors
     /// The file cannot be asked for its length.
-    pub fn new(file: &'a F, limits: FrameLimits) -> Result<Self, FrameError> {
+    pub fn new(file: F, limits: FrameLimits) -> Result<Self, FrameError> {
         let asked = file.bytes();
         let fault = |error: io::Error| FrameError { frame: 0, offset: 0, fault: FrameFault::Io(error.to_string()) };
         Ok(Self { file, file_bytes: asked.map_err(fault)?, limits, offset: 0, number: 0, end: None })
+    }
+
+    pub fn file(&self) -> &F {
+        &self.file
     }
 
     /// Where the next frame begins.

@@ -1,17 +1,14 @@
-//! What crossed the bus, kept as data: `bus.arrows`, an Arrow IPC stream, and its sidecar `bus.json`.
+//! What happened in a run, kept as data: Arrow IPC streams, each with a sidecar that says it is whole.
 //!
-//! docs/recording.md tells how to read them. The columns are in `format`, the files in `row_stream`, the queue
-//! and the thread behind it in `writer`.
+//! [`bus_log`] is what crossed the bus, [`references`] what tracers read before any memory saw it. [`frames`] and
+//! [`batches`] read streams that nobody vouches for. docs/recording.md tells how to read them with other tools.
 
-mod format;
+pub mod batches;
+pub mod bus_log;
 pub mod frames;
 pub mod references;
-mod row_stream;
-mod writer;
 
-pub use format::{FORMAT_VERSION, Metadata};
-pub use row_stream::{FILE_NAME, SIDECAR_NAME, Sidecar};
-pub use writer::{RecordingError, Summary, Writer};
+pub use bus_log::{FILE_NAME, FORMAT_VERSION, Metadata, RecordingError, SIDECAR_NAME, Sidecar, Summary, Writer};
 
 use crate::database::{Layout, Section};
 

@@ -80,14 +80,31 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
                 let missing = self.reference(first, count);
                 tally.read(word, count, missing);
             } else {
-                match Word(word).decode() {
-                    Some(Event::Ray(kind)) => tally.ray(kind),
-                    Some(Event::Read(_)) => {}
-                    None => return Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
-                }
+                mark(word, tally)?;
             }
         }
         Ok(())
+    }
+
+    /// Replays words up to and with the first read that misses. Returns how many words that were, and of the read how
+    /// many lines were missing; 0 when no read of `words` missed.
+    ///
+    /// # Errors
+    /// As of [`Self::words`].
+    pub fn until_miss(&mut self, words: &[u32], tally: &mut impl Tally) -> Result<(usize, u32), TraceError> {
+        for (i, &word) in words.iter().enumerate() {
+            if Word(word).is_read() {
+                let (first, count) = self.lines.of(word);
+                let missing = self.reference(first, count);
+                tally.read(word, count, missing);
+                if missing > 0 {
+                    return Ok((i + 1, missing));
+                }
+            } else {
+                mark(word, tally)?;
+            }
+        }
+        Ok((words.len(), 0))
     }
 
     /// References lines in ascending order; returns how many were missing.
@@ -107,15 +124,25 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     }
 }
 
+/// Tells of a word that is no read.
+fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
+    match Word(word).decode() {
+        Some(Event::Ray(kind)) => tally.ray(kind),
+        Some(Event::Read(_)) => {}
+        None => return Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
+    }
+    Ok(())
+}
+
 /// Sums [`Totals`]; what belongs to tiles that were not accepted is left out.
-pub struct Sum<'a, T> {
+pub struct Sum<'a, T: ?Sized> {
     trace: &'a T,
     accepted: bool,
     now: Totals,
     pub totals: Totals,
 }
 
-impl<'a, T: Trace> Sum<'a, T> {
+impl<'a, T: Trace + ?Sized> Sum<'a, T> {
     pub fn new(trace: &'a T) -> Self {
         Self { trace, accepted: false, now: Totals::default(), totals: Totals::default() }
     }
@@ -134,7 +161,7 @@ impl<'a, T: Trace> Sum<'a, T> {
     }
 }
 
-impl<T: Trace> Tally for Sum<'_, T> {
+impl<T: Trace + ?Sized> Tally for Sum<'_, T> {
     fn tile(&mut self, tile: u32) {
         self.book();
         self.accepted = self.trace.tiles()[tile as usize].accepted;

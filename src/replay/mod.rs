@@ -3,16 +3,28 @@
 //! A [`Trace`] is what was recorded, tile by tile; [`lines`] tells which lines a record lies in.
 
 pub mod captured;
+pub mod contention;
 pub mod count;
 pub mod curve;
 pub mod detail;
+pub mod evaluation;
+pub mod grid;
 pub mod lines;
 pub mod live;
+pub mod miss_classes;
+pub mod next_use;
+pub mod optimal;
 pub mod parallel;
 pub mod reads;
 pub mod schedule;
+pub mod setting;
 pub mod stack_distance;
+pub mod subject;
+pub mod timing;
+pub mod verify;
+pub mod work;
 
-pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
+pub use count::Tally;
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use lines::{Lines, RecordLines};

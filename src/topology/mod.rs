@@ -19,6 +19,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use memory_size::NotASize;
 pub use overrides::Override;
 
 use crate::scene::{Camera, Light, procedural::Procedural};

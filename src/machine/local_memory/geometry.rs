@@ -41,11 +41,18 @@ impl Geometry {
     /// # Errors
     /// A value is out of its range, or there are fewer lines than ways.
     pub fn new(memory: &topology::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
+        Self::of_image(memory, layout.image_bytes())
+    }
+
+    /// [`Self::new`] for an image of so many bytes, a multiple of 256, at most 2³².
+    ///
+    /// # Errors
+    /// As of `new`.
+    pub fn of_image(memory: &topology::LocalMemory, image_bytes: u64) -> Result<Self, GeometryError> {
         let line_bytes = memory.line;
         if !line_bytes.is_power_of_two() || !(16..=256).contains(&line_bytes) {
             return Err(GeometryError::Line(line_bytes));
         }
-        let image_bytes = layout.image_bytes();
         if image_bytes == 0 {
             return Err(GeometryError::EmptyImage);
         }

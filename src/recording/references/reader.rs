@@ -8,6 +8,7 @@ use super::scan::{Place, Scan, facts};
 use super::{FORMAT_VERSION, LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar};
 use crate::database::{Layout, Section};
 use crate::ids::{Epoch, NodeId};
+use crate::machine::references::RecordNumbers;
 use crate::machine::trace::{Trace, TraceError, TracedTile};
 use crate::recording::frames::ReadAt;
 use crate::scene::source::Source;
@@ -36,6 +37,7 @@ pub struct Recording {
     pub topology: Topology,
     pub layout: Layout,
     pub tiling: Tiling,
+    pub numbers: RecordNumbers,
     /// Of the database image; hexadecimal.
     pub scene_sha256: String,
     /// Bytes of a node's local memory.
@@ -72,6 +74,7 @@ impl Recording {
         let mut opened = Opened {
             recording: Self {
                 topology,
+                numbers: RecordNumbers::new(&layout),
                 layout,
                 tiling: sidecar.tiling,
                 scene_sha256: sidecar.scene_sha256.clone(),

@@ -8,10 +8,10 @@ use arrow_array::{ArrayRef, DictionaryArray, Int8Array, RecordBatch, StringArray
 use arrow_array::{UInt16Array, UInt32Array, UInt64Array};
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 
-use super::records_json;
 use crate::database::{Layout, Section};
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::{Kind, Transaction};
+use crate::recording::records_json;
 use crate::topology::Arbiter;
 
 /// Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
@@ -47,6 +47,63 @@ impl Metadata {
     }
 }
 
+impl Metadata {
+    /// What a schema says.
+    ///
+    /// # Errors
+    /// An entry is missing, is not what it should be, or belongs to a version that this one does not read.
+    pub(super) fn parse<'a>(entry: impl Fn(&str) -> Option<&'a str>) -> Result<Self, String> {
+        let version = entry("marti.format_version").ok_or("expected the schema of a bus log, found another")?;
+        if version != FORMAT_VERSION.to_string() {
+            return Err(format!("expected format version {FORMAT_VERSION}, found {version:?}"));
+        }
+        let missing = |key: &str| format!("the schema says nothing of {key}");
+        let number = |key: &str| {
+            let text = entry(key).ok_or_else(|| missing(key))?;
+            text.parse::<u64>().map_err(|_| format!("{key}: expected a number, found {text:?}"))
+        };
+        let small = |key: &str, max: u64| match number(key)? {
+            number if number <= max => Ok(number),
+            number => Err(format!("{key}: expected at most {max}, found {number}")),
+        };
+        let arbiter = entry("marti.arbiter").ok_or_else(|| missing("marti.arbiter"))?;
+        let layout = layout(entry("marti.records").ok_or_else(|| missing("marti.records"))?)?;
+        let (said, counted) = (number("marti.image_bytes")?, layout.image_bytes());
+        if said != counted {
+            return Err(format!("marti.image_bytes: expected the {counted} of marti.records, found {said}"));
+        }
+        Ok(Self {
+            cluster: ClusterId(small("marti.cluster", u64::from(u16::MAX))? as u16),
+            epoch: Epoch(small("marti.epoch", u64::from(u32::MAX))? as u32),
+            arbiter: parse_arbiter(arbiter).ok_or_else(|| format!("marti.arbiter: {arbiter:?} is not known"))?,
+            layout,
+        })
+    }
+}
+
+fn parse_arbiter(text: &str) -> Option<Arbiter> {
+    match text.split_once(' ') {
+        None if text == "fifo" => Some(Arbiter::Fifo),
+        None if text == "fixed_priority" => Some(Arbiter::FixedPriority),
+        Some(("round_robin", quantum)) => {
+            let quantum = quantum.parse().ok().filter(|quantum| (1..=1024).contains(quantum))?;
+            Some(Arbiter::RoundRobin { quantum })
+        }
+        _ => None,
+    }
+}
+
+fn layout(text: &str) -> Result<Layout, String> {
+    let bad = |why: String| format!("marti.records: {why}");
+    let records: HashMap<String, u64> = serde_json::from_str(text).map_err(|error| bad(error.to_string()))?;
+    let mut counts = [0; Section::COUNT];
+    for section in Section::ALL {
+        let count = records.get(section.name());
+        counts[section as usize] = *count.ok_or_else(|| bad(format!("nothing of {}", section.name())))?;
+    }
+    Layout::new(counts).map_err(|error| bad(error.to_string()))
+}
+
 /// Turns rows into record batches of one schema.
 pub(super) struct Format {
     schema: SchemaRef,
@@ -56,11 +113,12 @@ pub(super) struct Format {
 }
 
 impl Format {
-    pub(super) fn new(metadata: &Metadata) -> Self {
+    /// The schema, without what it says of one recording.
+    pub(super) fn columns() -> Schema {
         let name = || DataType::Dictionary(Box::new(DataType::Int8), Box::new(DataType::Utf8));
         let always = |column: &str, data_type| Field::new(column, data_type, false);
         let sometimes = |column: &str, data_type| Field::new(column, data_type, true);
-        let fields = vec![
+        Schema::new(vec![
             always("sequence", DataType::UInt64),
             always("epoch", DataType::UInt32),
             always("cluster", DataType::UInt16),
@@ -77,9 +135,12 @@ impl Format {
             always("request_ns", DataType::UInt64),
             always("grant_ns", DataType::UInt64),
             always("completion_ns", DataType::UInt64),
-        ];
+        ])
+    }
+
+    pub(super) fn new(metadata: &Metadata) -> Self {
         Self {
-            schema: Arc::new(Schema::new_with_metadata(fields, metadata.entries())),
+            schema: Arc::new(Self::columns().with_metadata(metadata.entries())),
             kinds: Arc::new(StringArray::from_iter_values(Kind::ALL.map(Kind::name))),
             sections: Arc::new(StringArray::from_iter_values(Section::ALL.map(Section::name))),
         }
@@ -132,9 +193,7 @@ impl Format {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use arrow_array::cast::AsArray;
-    use arrow_array::types::{UInt16Type, UInt32Type, UInt64Type};
-
+    use super::super::rows::{check, rows};
     use super::*;
     use crate::ids::{Address, Attempt, NodeId, TileId};
 
@@ -148,6 +207,8 @@ pub(super) mod tests {
         let fetch = sequence.is_multiple_of(3);
         let write = sequence % 3 == 2;
         let small = sequence as u32;
+        let address = Address(sequence % 70 * 16);
+        let lines = small % 50 | 1;
         Transaction {
             sequence,
             epoch: Epoch(1),
@@ -156,10 +217,10 @@ pub(super) mod tests {
             node: (!write).then_some(NodeId(small as u16 % 9)),
             tile: (!write).then_some(TileId(small / 10)),
             attempt: (!write).then_some(Attempt(0)),
-            section: fetch.then(|| Section::ALL[small as usize % Section::COUNT]),
-            address: (fetch || write).then_some(Address(sequence * 64)),
-            bytes: 64 + small,
-            lines: fetch.then_some(small | 1),
+            section: fetch.then(|| metadata().layout.section_at(address)).flatten(),
+            address: (fetch || write).then_some(address),
+            bytes: if fetch { lines.count_ones() * 16 } else { 16 + small % 100 },
+            lines: fetch.then_some(lines),
             crc32c: (fetch || write).then_some(!small),
             accesses_before: fetch.then_some(sequence * 1000),
             request_nanoseconds: sequence * 100,
@@ -168,45 +229,16 @@ pub(super) mod tests {
         }
     }
 
-    /// Reads the rows of a batch back by the names of the columns.
-    pub(in super::super) fn rows(batch: &RecordBatch) -> Vec<Transaction> {
-        let column = |name: &str| batch.column_by_name(name).expect("a column of the format");
-        let name_at = |name: &str, i: usize| {
-            let dictionary = column(name).as_dictionary::<Int8Type>();
-            dictionary.key(i).map(|key| dictionary.values().as_string::<i32>().value(key).to_owned())
-        };
-        let u64_at = |name, i| column(name).as_primitive::<UInt64Type>().iter().nth(i).flatten();
-        let u32_at = |name, i| column(name).as_primitive::<UInt32Type>().iter().nth(i).flatten();
-        let u16_at = |name, i| column(name).as_primitive::<UInt16Type>().iter().nth(i).flatten();
-        let read = |i: usize| -> Option<Transaction> {
-            let section = name_at("section", i);
-            Some(Transaction {
-                sequence: u64_at("sequence", i)?,
-                epoch: Epoch(u32_at("epoch", i)?),
-                cluster: ClusterId(u16_at("cluster", i)?),
-                kind: Kind::ALL.into_iter().find(|kind| Some(kind.name()) == name_at("kind", i).as_deref())?,
-                node: u16_at("node", i).map(NodeId),
-                tile: u32_at("tile", i).map(TileId),
-                attempt: u32_at("attempt", i).map(Attempt),
-                section: Section::ALL.into_iter().find(|known| Some(known.name()) == section.as_deref()),
-                address: u64_at("address", i).map(Address),
-                bytes: u32_at("bytes", i)?,
-                lines: u32_at("lines", i),
-                crc32c: u32_at("crc32c", i),
-                accesses_before: u64_at("accesses_before", i),
-                request_nanoseconds: u64_at("request_ns", i)?,
-                grant_nanoseconds: u64_at("grant_ns", i)?,
-                completion_nanoseconds: u64_at("completion_ns", i)?,
-            })
-        };
-        (0..batch.num_rows()).map(|i| read(i).expect("no null where none may be")).collect()
-    }
-
     #[test]
     fn rows_survive_the_columns() {
         let written: Vec<_> = (0..30).map(row).collect();
         let batch = Format::new(&metadata()).batch(&written).expect("columns and schema agree");
-        assert_eq!(rows(&batch), written);
+        assert_eq!(rows(&batch), Ok(written.clone()));
+        let mut before = None;
+        for row in &written {
+            assert_eq!(check(row, before, &metadata()), Ok(()));
+            before = Some(row);
+        }
     }
 
     #[test]

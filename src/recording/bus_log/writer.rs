@@ -17,7 +17,7 @@ use super::row_stream::{RowStream, Sidecar};
 use crate::machine::transaction::Transaction;
 
 /// Most rows of a batch.
-const BATCH_ROWS: usize = 8192;
+pub(super) const BATCH_ROWS: usize = 8192;
 /// A batch is sent with fewer rows when its first one completed so long before its last one.
 const BATCH_NANOSECONDS: u64 = 500_000_000;
 /// Batches that may wait for the thread: some 20 MB.
@@ -202,14 +202,15 @@ mod tests {
 
     use arrow_ipc::reader::StreamReader;
 
-    use super::super::format::tests::{metadata, row, rows};
+    use super::super::format::tests::{metadata, row};
     use super::super::row_stream::{FILE_NAME, SIDECAR_NAME};
+    use super::super::rows::rows;
     use super::*;
 
     /// The rows of all batches that can be read, up to the end or the first that cannot.
     fn read(bytes: &[u8]) -> Vec<Transaction> {
         let reader = StreamReader::try_new(bytes, None).expect("a schema");
-        reader.map_while(Result::ok).flat_map(|batch| rows(&batch)).collect()
+        reader.map_while(Result::ok).flat_map(|batch| rows(&batch).expect("rows")).collect()
     }
 
     fn record(folder: &Path, count: u64) -> Summary {

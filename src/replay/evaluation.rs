@@ -1,0 +1,224 @@
+//! Settings → what would have been counted, each simulated, all of them in parallel.
+
+use serde::Serialize;
+
+use super::count::{Replayer, Sum, Totals};
+use super::schedule::Schedule;
+use super::setting::{Assignment, Policy, Setting};
+use super::subject::Subject;
+use super::timing::{Timing, simulate_setting};
+use super::{TraceError, parallel};
+use crate::machine::local_memory::Geometry;
+use crate::machine::references::Word;
+use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+
+/// A row of a replay's table.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub struct Row {
+    #[serde(flatten)]
+    pub setting: Setting,
+    /// Of one node's local memory.
+    pub local_bytes: u64,
+    pub record_accesses: u64,
+    /// Records with at least one line missing: fetches.
+    pub misses: u64,
+    pub line_accesses: u64,
+    pub line_misses: u64,
+    /// 32-bit words.
+    pub words_read: u64,
+    pub words_moved: u64,
+    pub misses_per_record_access: f64,
+    pub words_moved_per_word_read: f64,
+    /// In simulated cycles; `None` where the bus was not simulated.
+    pub cycles: Option<u64>,
+    pub efficiency: Option<f64>,
+    pub bus_utilisation: Option<f64>,
+    pub wait_mean: Option<f64>,
+    pub wait_percentile_99: Option<u64>,
+    /// Whether the counts are those that a live run would make.
+    pub exact: bool,
+    /// Why they are not.
+    pub reason: Option<String>,
+}
+
+/// Why nobody can tell what a live run would count.
+const ON_DEMAND: &str =
+    "on demand, tiles go to the nodes that are first by the topology's cost model, which no live run follows exactly";
+
+/// What is to be simulated.
+#[derive(Clone, Debug, Default)]
+pub struct Evaluation {
+    /// Nodes sharing their buses, in cycles. On-demand assignment is simulated so whether or not.
+    pub timings: bool,
+    /// Why nothing is exact.
+    pub damage: Option<String>,
+}
+
+/// A part of the work.
+#[derive(Clone, Copy)]
+enum Job {
+    /// One node of a setting.
+    Count(usize, usize),
+    /// All nodes of a setting, and their buses.
+    Time(usize),
+}
+
+struct Done {
+    setting: usize,
+    totals: Totals,
+    timing: Option<Timing>,
+}
+
+/// Simulates settings; the rows are in their order. `tick` is called with every part of the work that is done, and how
+/// many parts there are.
+///
+/// # Errors
+/// A setting's memory cannot be made for this image, or the trace not be read.
+pub fn evaluate<S: Subject>(
+    subject: &S,
+    settings: &[Setting],
+    evaluation: &Evaluation,
+    tick: impl Fn(usize) + Sync,
+) -> Result<Vec<Row>, TraceError> {
+    let mut geometries = Vec::new();
+    for setting in settings {
+        let geometry = Geometry::of_image(&setting.memory(), subject.image_bytes());
+        geometries.push(geometry.map_err(|error| TraceError(format!("local memory: {error}")))?);
+    }
+    let words_read = words_read(subject)?;
+    let schedules: Vec<_> = settings.iter().map(|setting| schedule(subject, setting)).collect();
+    let mut jobs = Vec::new();
+    for (i, setting) in settings.iter().enumerate() {
+        if is_timed(setting, evaluation) {
+            jobs.push(Job::Time(i));
+        } else {
+            jobs.extend((0..schedules[i].nodes.len()).map(|node| Job::Count(i, node)));
+        }
+    }
+    let done =
+        parallel::map(&jobs, |&job| {
+            let done =
+                match job {
+                    Job::Count(i, node) => {
+                        let processes = &schedules[i].nodes[node];
+                        count(subject, processes, settings[i].replacement, geometries[i]).map(|totals| Done {
+                            setting: i,
+                            totals,
+                            timing: None,
+                        })
+                    }
+                    Job::Time(i) => simulate_setting(subject, &settings[i], geometries[i])
+                        .map(|(timing, totals)| Done { setting: i, totals, timing: Some(timing) }),
+                };
+            tick(jobs.len());
+            done
+        });
+    let mut sums = vec![(Totals::default(), None); settings.len()];
+    for done in done {
+        let Done { setting, totals, timing } = done?;
+        sums[setting].0.add(&totals);
+        sums[setting].1 = timing;
+    }
+    let rows = settings.iter().zip(&geometries).zip(sums);
+    Ok(rows.map(|((setting, geometry), sum)| Row::new(*setting, *geometry, sum, words_read, evaluation)).collect())
+}
+
+/// Optimal replacement has no times.
+fn is_timed(setting: &Setting, evaluation: &Evaluation) -> bool {
+    let is_on_demand = setting.assignment == Assignment::OnDemand;
+    is_on_demand || (evaluation.timings && setting.replacement != Policy::Optimal)
+}
+
+impl Row {
+    fn new(
+        setting: Setting,
+        geometry: Geometry,
+        (totals, timing): (Totals, Option<Timing>),
+        words_read: u64,
+        evaluation: &Evaluation,
+    ) -> Self {
+        let words_moved = totals.line_misses * u64::from(geometry.line_bytes) / 4;
+        let ratio = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
+        let is_on_demand = setting.assignment == Assignment::OnDemand;
+        let reason = evaluation.damage.clone().or_else(|| is_on_demand.then(|| ON_DEMAND.to_owned()));
+        Self {
+            setting,
+            local_bytes: geometry.local_bytes(),
+            record_accesses: totals.record_accesses,
+            misses: totals.record_misses,
+            line_accesses: totals.line_accesses,
+            line_misses: totals.line_misses,
+            words_read,
+            words_moved,
+            misses_per_record_access: ratio(totals.record_misses, totals.record_accesses),
+            words_moved_per_word_read: ratio(words_moved, words_read),
+            cycles: timing.map(|timing| timing.cycles),
+            efficiency: timing.map(|timing| timing.efficiency),
+            bus_utilisation: timing.map(|timing| timing.bus_utilisation),
+            wait_mean: timing.map(|timing| timing.wait_mean),
+            wait_percentile_99: timing.map(|timing| timing.wait_percentile_99),
+            exact: reason.is_none(),
+            reason,
+        }
+    }
+}
+
+/// Who traces what.
+pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> Schedule {
+    match setting.assignment {
+        Assignment::Recorded => Schedule::recorded(subject, setting.nodes),
+        Assignment::Interleaved | Assignment::OnDemand => {
+            Schedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
+        }
+    }
+}
+
+fn count<S: Subject>(
+    subject: &S,
+    processes: &[Vec<u32>],
+    policy: Policy,
+    geometry: Geometry,
+) -> Result<Totals, TraceError> {
+    match policy {
+        Policy::Lru => through::<Lru, _>(subject, processes, geometry),
+        Policy::Fifo => through::<Fifo, _>(subject, processes, geometry),
+        Policy::Clock => through::<Clock, _>(subject, processes, geometry),
+        Policy::Random => through::<Random, _>(subject, processes, geometry),
+        Policy::Optimal => Err(TraceError("optimal".to_owned())),
+    }
+}
+
+fn through<R: Replacement, S: Subject>(
+    subject: &S,
+    processes: &[Vec<u32>],
+    geometry: Geometry,
+) -> Result<Totals, TraceError> {
+    let lines = subject.lines(geometry.line_bytes);
+    let mut replayer = Replayer::<R, _>::new(&lines, geometry, subject.seed());
+    let mut sum = Sum::new(subject);
+    for (epoch, tiles) in processes.iter().enumerate() {
+        if epoch > 0 {
+            replayer.clear();
+        }
+        for &tile in tiles {
+            replayer.tile(subject, tile, &mut sum)?;
+        }
+    }
+    Ok(sum.finish())
+}
+
+/// 32-bit words of all records read in accepted tiles.
+fn words_read<S: Subject>(subject: &S) -> Result<u64, TraceError> {
+    let record_words = subject.record_words();
+    let accepted: Vec<_> = subject.tiles().iter().filter(|tile| tile.accepted).collect();
+    let counted = parallel::map(&accepted, |tile| {
+        let mut words = Vec::new();
+        let mut reads = vec![0u64; record_words.len()];
+        for part in tile.parts.clone() {
+            subject.read(part, &mut words)?;
+            words.iter().filter(|&&word| Word(word).is_read()).for_each(|&record| reads[subject.kind(record)] += 1);
+        }
+        Ok(reads.iter().zip(&record_words).map(|(reads, &words)| reads * u64::from(words)).sum::<u64>())
+    });
+    counted.into_iter().sum()
+}

@@ -1,0 +1,89 @@
+//! What can be put through other machines: a trace whose records have a place in an image.
+
+use super::contention::ReadCycles;
+use super::{Lines, RecordLines, Trace};
+use crate::database::Section;
+use crate::ids::TileId;
+use crate::recording::references::Recording;
+use crate::tile_order;
+use crate::topology::{Bus, TileOrder};
+
+/// A trace, and what simulations must know besides.
+pub trait Subject: Trace {
+    type Lines: Lines;
+
+    /// Where records lie, for lines of so many bytes.
+    fn lines(&self, line_bytes: u32) -> Self::Lines;
+
+    /// Of which shares are taken; a multiple of 256.
+    fn image_bytes(&self) -> u64;
+
+    /// The kind of record that this is, below the length of the following two.
+    fn kind(&self, record: u32) -> usize;
+
+    /// By kind: 32-bit words of a record.
+    fn record_words(&self) -> Vec<u32>;
+
+    /// By kind: what a processor spends on a record that it reads.
+    fn read_cycles(&self) -> Vec<u32>;
+
+    /// Of a tile of the trace.
+    fn pixels(&self, tile: u32) -> u32;
+
+    /// The tiles in an order of handing out, as indices into those of the trace; `None` for one that it does not have.
+    fn ordered(&self, order: TileOrder) -> Vec<Option<u32>>;
+
+    /// Seeds random replacement.
+    fn seed(&self) -> u64;
+
+    /// The recorded bus.
+    fn bus(&self) -> Bus;
+}
+
+impl Subject for Recording {
+    type Lines = RecordLines;
+
+    fn lines(&self, line_bytes: u32) -> RecordLines {
+        RecordLines::new(&self.layout, line_bytes)
+    }
+
+    fn image_bytes(&self) -> u64 {
+        self.layout.image_bytes()
+    }
+
+    #[inline(always)]
+    fn kind(&self, record: u32) -> usize {
+        self.numbers.place(record).0 as usize
+    }
+
+    fn record_words(&self) -> Vec<u32> {
+        Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
+    }
+
+    fn read_cycles(&self) -> Vec<u32> {
+        let cycles = ReadCycles::new(&self.topology.cluster.processor);
+        Section::ALL.map(|section| cycles.of(section)).to_vec()
+    }
+
+    fn pixels(&self, tile: u32) -> u32 {
+        let rect = self.tiling.rect(self.tiles()[tile as usize].tile);
+        rect.map_or(0, |rect| rect.width * rect.height)
+    }
+
+    fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
+        let mut places = vec![None; self.tiling.tile_count() as usize];
+        for (i, tile) in (0..).zip(self.tiles()).filter(|(_, tile)| tile.accepted) {
+            places[tile.tile.0 as usize] = Some(i);
+        }
+        let order = tile_order::tiles(order, self.tiling, self.topology.run.seed);
+        order.into_iter().map(|TileId(tile)| places[tile as usize]).collect()
+    }
+
+    fn seed(&self) -> u64 {
+        self.topology.run.seed
+    }
+
+    fn bus(&self) -> Bus {
+        self.topology.cluster.bus
+    }
+}
