@@ -24,7 +24,7 @@ pub mod timing;
 pub mod verify;
 pub mod work;
 
+pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
 pub use count::Tally;
-pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use lines::{Lines, RecordLines};

@@ -2,30 +2,30 @@
 
 use serde::{Serialize, Serializer};
 
+use super::conditions::Conditions;
 use super::counts::{Counts, Ratio, ratio};
-use super::setting::Setting;
 use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
-use crate::machine::replacement::{Clock, Fifo, Lru, Random};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::count::Totals;
 use crate::replay::curve::LruCurve;
 use crate::replay::schedule::Schedule;
+use crate::replay::subject::Subject;
 use crate::replay::{Trace, TraceError};
-use crate::topology::{Assignment, LocalMemory, MemorySize, Replacement, TileOrder};
+use crate::topology::{LocalMemory, MemorySize, Replacement, TileOrder};
 use crate::tracer::Tiling;
 
 /// One cluster, with local memories of several sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Traffic {
     #[serde(flatten)]
-    pub setting: Setting,
+    pub conditions: Conditions,
     pub nodes: u16,
     pub messages: Messages,
     /// What a processor without a local memory reads from the memory for the same tiles.
     pub unique_processor_bytes: u64,
     pub sizes: Vec<Size>,
-    /// All sizes of a fully associative LRU memory; empty for any other.
+    /// Of all sizes.
     pub curve: Vec<CurvePoint>,
 }
 
@@ -68,7 +68,8 @@ pub enum TrafficError {
     Geometry(#[from] GeometryError),
 }
 
-fn as_text<S: Serializer>(size: &MemorySize, serializer: S) -> Result<S::Ok, S::Error> {
+/// As it is typed.
+pub(super) fn as_text<S: Serializer>(size: &MemorySize, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(size)
 }
 
@@ -90,48 +91,32 @@ impl Messages {
 }
 
 impl Traffic {
-    /// Tiles row by row from the top, the i-th to node i mod `nodes`. A memory that is all of the database is filled
-    /// once, whether or not all is read; nothing misses then.
+    /// Fully associative LRU memories; the i-th tile in order goes to node i mod `nodes`. A memory that is all of the
+    /// database is filled once, whether or not all is read; nothing misses then.
     ///
     /// # Errors
     /// The trace cannot be read, or a memory is too small.
     pub fn new<T: Trace>(
         traced: &Traced<T>,
-        tiling: Tiling,
-        memory: LocalMemory,
+        line_bytes: u32,
+        order: TileOrder,
         nodes: u16,
         sizes: &[MemorySize],
-        seed: u64,
     ) -> Result<Self, TrafficError> {
-        let schedule = Schedule::interleaved(&traced.scanline(), nodes);
-        let one_pass = memory.replacement == Replacement::Lru && memory.ways.is_none();
-        let curve = one_pass.then(|| traced.curve(&schedule, memory.line)).transpose()?;
+        let schedule = Schedule::interleaved(&traced.ordered(order), u32::from(nodes));
+        let curve = traced.curve(&schedule, line_bytes)?;
         let size = |&size: &MemorySize| {
-            let memory = LocalMemory { size, ..memory };
+            let memory = LocalMemory { size, line: line_bytes, ways: None, replacement: Replacement::Lru };
             let geometry = Geometry::new(&memory, &traced.layout)?;
-            let totals = match &curve {
-                Some(curve) => curve.at(geometry.lines()),
-                None => totals(traced, &schedule, memory.replacement, geometry, seed)?,
-            };
-            Ok::<_, TrafficError>(Size::new(traced, nodes, size, geometry, &totals))
+            Ok::<_, TrafficError>(Size::new(traced, nodes, size, geometry, &curve.at(geometry.lines())))
         };
-        let sizes = sizes.iter().map(size).collect::<Result<_, _>>()?;
         Ok(Self {
-            setting: Setting {
-                scene: traced.scene.clone(),
-                octree: traced.octree,
-                database_bytes: traced.layout.image_bytes(),
-                line_bytes: memory.line,
-                ways: memory.ways,
-                replacement: memory.replacement,
-                order: TileOrder::Scanline,
-                assignment: Assignment::Interleaved,
-            },
+            conditions: Conditions::new(traced, line_bytes, order),
             nodes,
-            messages: Messages::new(tiling),
-            unique_processor_bytes: 4 * traced.words_read(),
-            sizes,
-            curve: curve.map_or_else(Vec::new, |curve| sampled(&curve, memory.line, traced.layout.image_bytes())),
+            messages: Messages::new(traced.tiling),
+            unique_processor_bytes: 4 * traced.reads.words_read(),
+            sizes: sizes.iter().map(size).collect::<Result<_, _>>()?,
+            curve: sampled(&curve, line_bytes, traced.layout.image_bytes()),
         })
     }
 
@@ -142,21 +127,6 @@ impl Traffic {
     /// Of what a unique processor would communicate with the memory, without messages and with them.
     pub fn bus_shares(&self, size: &Size) -> [f64; 2] {
         [0, self.messages.bytes()].map(|messages| ratio(size.bus_bytes + messages, self.unique_processor_bytes))
-    }
-}
-
-fn totals<T: Trace>(
-    traced: &Traced<T>,
-    schedule: &Schedule,
-    replacement: Replacement,
-    geometry: Geometry,
-    seed: u64,
-) -> Result<Totals, TraceError> {
-    match replacement {
-        Replacement::Lru => traced.totals::<Lru>(schedule, geometry, seed),
-        Replacement::Fifo => traced.totals::<Fifo>(schedule, geometry, seed),
-        Replacement::Clock => traced.totals::<Clock>(schedule, geometry, seed),
-        Replacement::Random => traced.totals::<Random>(schedule, geometry, seed),
     }
 }
 
@@ -183,7 +153,7 @@ fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoin
 
 impl Size {
     fn new<T>(traced: &Traced<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Totals) -> Self {
-        let mut counts = Counts::new(totals, traced.words_read(), geometry.line_bytes);
+        let mut counts = Counts::new(totals, traced.reads.words_read(), geometry.line_bytes);
         let mut bus_bytes = counts.bus_bytes();
         if size == MemorySize::All {
             counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
@@ -214,8 +184,7 @@ mod tests {
     fn a_larger_memory_moves_less_and_all_moves_all() {
         let (_, traced) = sample::gears();
         let sizes = [published::share(8), published::share(2), MemorySize::All];
-        let memory = LocalMemory { size: MemorySize::All, line: 32, ways: None, replacement: Replacement::Lru };
-        let traffic = Traffic::new(&traced, sample::TILING, memory, 3, &sizes, 0).expect("in memory");
+        let traffic = Traffic::new(&traced, 32, TileOrder::Scanline, 3, &sizes).expect("in memory");
         let [eighth, half, all] = [0, 1, 2].map(|i| &traffic.sizes[i]);
         assert!(eighth.bus_bytes > half.bus_bytes);
         assert_eq!(eighth.counts.record_accesses, half.counts.record_accesses);

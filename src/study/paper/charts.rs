@@ -1,11 +1,11 @@
 //! The study as charts.
 
 use super::{GEARS, LINES, Paper, PaperScene, TEAPOT};
+use crate::study::conditions::octree;
 use crate::study::counts::Ratio;
 use crate::study::page::{Figure, Page};
 use crate::study::plot::{Axis, Chart, Series, Style};
 use crate::study::published;
-use crate::study::setting::octree;
 use crate::study::traffic::Traffic;
 use crate::topology::Octree;
 
@@ -72,12 +72,12 @@ fn shares() -> Axis {
 
 fn of_scene<'a>(paper: &'a Paper, scene: &PaperScene) -> impl Iterator<Item = &'a Traffic> {
     let name = scene.source().to_string();
-    paper.traffic.iter().filter(move |traffic| traffic.setting.scene == name)
+    paper.traffic.iter().filter(move |traffic| traffic.conditions.scene == name)
 }
 
 /// A curve of all sizes from 1/64 on.
 fn curve(traffic: &Traffic, of: impl Fn(&crate::study::traffic::CurvePoint) -> f64) -> Vec<(f64, f64)> {
-    let share = |bytes: u64| bytes as f64 / traffic.setting.database_bytes as f64;
+    let share = |bytes: u64| bytes as f64 / traffic.conditions.database_bytes as f64;
     let points = traffic.curve.iter().map(|point| (share(point.local_bytes), of(point)));
     points.filter(|&(share, _)| share >= 1.0 / 64.0).collect()
 }
@@ -88,9 +88,9 @@ fn most(series: &[Series]) -> f64 {
 
 fn traffic(paper: &Paper, scene: &PaperScene) -> Figure {
     let first = scene.octrees.first().copied().unwrap_or(Octree::DEFAULT);
-    let shown: Vec<_> = of_scene(paper, scene).filter(|traffic| traffic.setting.octree == first).collect();
+    let shown: Vec<_> = of_scene(paper, scene).filter(|traffic| traffic.conditions.octree == first).collect();
     let line = |traffic: &&Traffic| Series {
-        name: format!("{} nodes, lines of {}", traffic.nodes, traffic.setting.line_bytes),
+        name: format!("{} nodes, lines of {}", traffic.nodes, traffic.conditions.line_bytes),
         points: curve(traffic, |point| point.bus_bytes as f64 * 1e-6),
         style: Style::Line,
     };
@@ -118,14 +118,15 @@ fn table1(paper: &Paper, scene: &PaperScene) -> Figure {
     };
     let name = scene.source().to_string();
     let mut series = Vec::new();
-    for table in paper.table1.iter().filter(|table| table.setting.scene == name && table.setting.line_bytes == LINES[0])
+    for table in
+        paper.table1.iter().filter(|table| table.conditions.scene == name && table.conditions.line_bytes == LINES[0])
     {
         let style = match table.ratio {
             Ratio::MissesPerRecordAccess => Style::Marked,
             Ratio::WordsMovedPerWordRead => Style::Dashed,
             Ratio::LineMissesPerLineAccess | Ratio::MissesPerWordRead => continue,
         };
-        let name = format!("{}; {}", table.ratio.name(), octree(table.setting.octree));
+        let name = format!("{}; {}", table.ratio.name(), octree(table.conditions.octree));
         series.push(Series { name, points: at(table.found), style });
     }
     series.push(Series { name: "published".to_owned(), points: at(scene.table), style: Style::Published });
@@ -150,13 +151,13 @@ fn curves(paper: &Paper) -> Figure {
     let shown = paper
         .traffic
         .iter()
-        .filter(|traffic| traffic.nodes == published::TABLE_NODES && traffic.setting.line_bytes == LINES[1]);
+        .filter(|traffic| traffic.nodes == published::TABLE_NODES && traffic.conditions.line_bytes == LINES[1]);
     let line = |traffic: &Traffic| {
         let accesses = traffic.sizes.first().map_or(1.0, |size| size.counts.record_accesses as f64);
         Series {
-            name: format!("{}, {}", traffic.setting.scene, octree(traffic.setting.octree)),
+            name: format!("{}, {}", traffic.conditions.scene, octree(traffic.conditions.octree)),
             points: curve(traffic, |point| point.misses as f64 / accesses),
-            style: if traffic.setting.scene == GEARS.source().to_string() { Style::Dashed } else { Style::Line },
+            style: if traffic.conditions.scene == GEARS.source().to_string() { Style::Dashed } else { Style::Line },
         }
     };
     let series: Vec<Series> = shown.map(line).collect();

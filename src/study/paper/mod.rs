@@ -4,6 +4,7 @@
 mod charts;
 mod figure1;
 mod processors;
+mod replaced;
 mod rows;
 mod table1;
 mod text;
@@ -13,18 +14,20 @@ use serde::Serialize;
 pub use charts::page;
 pub use figure1::{Factor, Figure1};
 pub use processors::Processors;
+pub use replaced::Replaced;
 pub use rows::csv;
 pub use table1::Table1;
 pub use text::text;
 
+use super::contention::{self, Contention, Width};
 use super::kept::Kept;
-use super::traced::Traced;
+use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
-use super::{published, setting};
+use super::{conditions, published};
 use crate::preparation::{self, Fallback, PreparationError, Prepared};
 use crate::replay::parallel;
 use crate::scene::procedural::{Kind, Procedural};
-use crate::topology::{LocalMemory, MemorySize, Octree, Replacement, SceneSource};
+use crate::topology::{Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
 use crate::tracer::Tiling;
 use crate::tracer::view::ImageSettings;
 
@@ -33,6 +36,10 @@ pub const FORMAT: &str = "marti study paper 1";
 
 /// Line sizes that are tried, bytes.
 pub const LINES: [u32; 2] = [16, 64];
+/// Numbers of nodes that share a bus.
+pub const NODES: [u16; 15] = [1, 2, 3, 4, 6, 8, 9, 12, 16, 24, 32, 37, 48, 56, 64];
+/// Bus widths that are tried, bytes.
+pub const WIDTHS: [u32; 4] = [4, 8, 16, 32];
 /// Local memories of Figures 6 and 7.
 pub const SIZES: [MemorySize; 7] = [
     published::share(32),
@@ -84,22 +91,25 @@ pub struct Paper {
     pub traffic: Vec<Traffic>,
     pub table1: Vec<Table1>,
     /// The sizes of Table 1 under other replacement policies, with each scene's first octree and lines of 64.
-    pub replacements: Vec<Traffic>,
+    pub replacements: Vec<Replaced>,
     pub processors: Vec<Processors>,
+    /// With each scene's first octree, at 1/32.
+    pub contention: Vec<Contention>,
+    pub widths: Vec<Width>,
 }
 
 #[derive(Debug, thiserror::Error)]
 pub enum PaperError {
     #[error(transparent)]
     Preparation(#[from] PreparationError),
-    #[error("references cannot be kept: {0}")]
-    Kept(#[from] std::io::Error),
+    #[error(transparent)]
+    Traced(#[from] TracedError),
     #[error(transparent)]
     Traffic(#[from] TrafficError),
 }
 
 /// How many times `tell` is called.
-pub const STEPS: u32 = 2 * (GEARS.octrees.len() + TEAPOT.octrees.len()) as u32 + 1;
+pub const STEPS: u32 = 2 * (GEARS.octrees.len() + TEAPOT.octrees.len()) as u32 + 3;
 
 impl Paper {
     /// Traces and replays; takes a minute or two on two processors. `tell` is told what is begun.
@@ -118,6 +128,8 @@ impl Paper {
             table1: Vec::new(),
             replacements: Vec::new(),
             processors: Vec::new(),
+            contention: Vec::new(),
+            widths: Vec::new(),
         };
         tell("Figure 1: the teapot through octrees of fewer levels");
         paper.figure1 = figure1::figures(&TEAPOT, &paper)?;
@@ -137,39 +149,36 @@ impl Paper {
         first: bool,
         tell: &impl Fn(&str),
     ) -> Result<(), PaperError> {
-        let name = format!("{}, {}", scene.source(), setting::octree(octree));
+        let name = format!("{}, {}", scene.source(), conditions::octree(octree));
         tell(&format!("{name}: tracing"));
         let prepared = self.prepare(scene, octree)?;
-        let kept = Kept::capture(&prepared.database, &prepared.view, self.tiling, octree.mailbox)?;
-        let traced =
-            Traced::new(scene.source().to_string(), octree, &prepared.database, kept).map_err(TrafficError::from)?;
+        let run = Run {
+            scene: scene.source().to_string(),
+            octree,
+            tiling: self.tiling,
+            seed: 0,
+            processor: Processor::DEFAULT,
+            bus: Bus::DEFAULT,
+        };
+        let traced = Traced::new(run, &prepared)?;
         tell(&format!("{name}: replaying"));
-        let found = self.replay(&traced, &clusters(LINES, published::NODES), &SIZES)?;
+        let clusters: Vec<_> = LINES.iter().flat_map(|&line| published::NODES.map(|nodes| (line, nodes))).collect();
+        let found =
+            parallel::map(&clusters, |&(line, nodes)| Traffic::new(&traced, line, TileOrder::Scanline, nodes, &SIZES));
+        let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
         for traffic in found.iter().filter(|traffic| traffic.nodes == published::TABLE_NODES) {
             self.table1.extend(Table1::of(traffic, scene.table));
             self.processors.extend(Processors::of(traffic));
         }
         self.traffic.extend(found);
         if first {
-            let others = [Replacement::Fifo, Replacement::Clock, Replacement::Random];
-            let clusters = others.map(|replacement| (64, published::TABLE_NODES, replacement));
-            self.replacements.extend(self.replay(&traced, &clusters, &published::TABLE_SIZES)?);
+            tell(&format!("{name}: sharing a bus"));
+            self.replacements.push(Replaced::new(&traced)?);
+            let (smallest, nodes) = (contention::SMALLEST, published::TABLE_NODES);
+            self.contention.extend(contention::contentions(&traced, smallest, &LINES, &NODES, nodes)?);
+            self.widths.extend(contention::widths(&traced, smallest, &LINES, published::PROCESSORS as u16, &WIDTHS)?);
         }
         Ok(())
-    }
-
-    /// Clusters are a line, nodes, and a replacement policy.
-    fn replay(
-        &self,
-        traced: &Traced<Kept>,
-        clusters: &[(u32, u16, Replacement)],
-        sizes: &[MemorySize],
-    ) -> Result<Vec<Traffic>, TrafficError> {
-        let traffic = |&(line, nodes, replacement): &(u32, u16, Replacement)| {
-            let memory = LocalMemory { size: MemorySize::All, line, ways: None, replacement };
-            Traffic::new(traced, self.tiling, memory, nodes, sizes, 0)
-        };
-        parallel::map(clusters, traffic).into_iter().collect()
     }
 
     fn prepare(&self, scene: &PaperScene, octree: Octree) -> Result<Prepared, PreparationError> {
@@ -183,9 +192,4 @@ impl PaperScene {
     pub fn source(&self) -> SceneSource {
         SceneSource::Procedural(self.scene)
     }
-}
-
-/// Every line with every number of nodes.
-fn clusters(lines: [u32; 2], nodes: [u16; 2]) -> Vec<(u32, u16, Replacement)> {
-    lines.iter().flat_map(|&line| nodes.map(|nodes| (line, nodes, Replacement::Lru))).collect()
 }

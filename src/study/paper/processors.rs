@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
+use crate::study::conditions::Conditions;
 use crate::study::counts::{Ratio, ratio};
 use crate::study::published;
-use crate::study::setting::Setting;
 use crate::study::traffic::Traffic;
 
 /// At 1/32 of the database. If a share p of all accesses needs the bus, and each holds it for as long as an access to
@@ -12,7 +12,7 @@ use crate::study::traffic::Traffic;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Processors {
     #[serde(flatten)]
-    pub setting: Setting,
+    pub conditions: Conditions,
     pub nodes: u16,
     pub misses_per_access: f64,
     /// 1 / that.
@@ -36,7 +36,7 @@ impl Processors {
         let words_an_access = ratio(counts.words_read, counts.record_accesses);
         let bytes_a_miss = ratio(size.bus_bytes, counts.misses);
         Some(Self {
-            setting: traffic.setting.clone(),
+            conditions: traffic.conditions.clone(),
             nodes: traffic.nodes,
             misses_per_access,
             by_accesses: 1.0 / misses_per_access,

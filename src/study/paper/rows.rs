@@ -3,21 +3,21 @@
 use std::fmt::Write;
 
 use super::Paper;
+use crate::study::conditions::Conditions;
+use crate::study::contention::{self, Contention};
 use crate::study::counts::Ratio;
 use crate::study::published;
-use crate::study::setting::Setting;
 use crate::study::traffic::Traffic;
 use crate::topology::{MemorySize, Octree};
 
-const COLUMNS: &str =
-    "part,scene,leaf_size,max_depth,line_bytes,replacement,nodes,local_memory,quantity,found,published\n";
+const COLUMNS: &str = "part,scene,leaf_size,max_depth,line_bytes,nodes,local_memory,quantity,found,published\n";
 
 /// Rows with a header. What has no meaning for a figure, and what the paper does not publish, is empty.
 pub fn csv(paper: &Paper) -> String {
     let mut rows = Rows(COLUMNS.to_owned());
     for figure in &paper.figure1 {
         let mut row = |quantity: &str, found: f64, published: Option<f64>| {
-            rows.row("figure 1", &figure.scene, figure.octree, ",,,", quantity, found, published);
+            rows.row("figure 1", &figure.scene, figure.octree, ",,", quantity, found, published);
         };
         for level in &figure.levels {
             row(&format!("nodes on level {}", level.level), level.nodes as f64, None);
@@ -30,31 +30,61 @@ pub fn csv(paper: &Paper) -> String {
             row(&format!("{name} flops"), factor.flops, Some(figure.published_factor));
         }
     }
-    for traffic in paper.traffic.iter().chain(&paper.replacements) {
+    for traffic in &paper.traffic {
         rows.traffic(traffic);
     }
     for table in &paper.table1 {
         for ((size, found), published) in published::TABLE_SIZES.iter().zip(table.found).zip(table.published) {
-            let at = place(&table.setting, table.nodes, *size);
-            let (scene, tree) = (&table.setting.scene, table.setting.octree);
+            let at = place(&table.conditions, table.nodes, *size);
+            let (scene, tree) = (&table.conditions.scene, table.conditions.octree);
             rows.row("table 1", scene, tree, &at, table.ratio.name(), found, Some(published));
         }
     }
     for found in &paper.processors {
-        let at = place(&found.setting, found.nodes, published::share(32));
+        let at = place(&found.conditions, found.nodes, published::share(32));
         let mut row = |quantity, value, published| {
-            rows.row("processors", &found.setting.scene, found.setting.octree, &at, quantity, value, published);
+            rows.row("processors", &found.conditions.scene, found.conditions.octree, &at, quantity, value, published);
         };
         row("by_accesses", found.by_accesses, Some(f64::from(found.published)));
         row("by_words", found.by_words, Some(f64::from(found.published)));
         row("presupposed_bus_bytes", found.presupposed_bus_bytes, None);
     }
+    for replaced in &paper.replacements {
+        for row in &replaced.rows {
+            let at = format!("{},{},{}", row.setting.line, row.setting.nodes, row.setting.local_memory);
+            let quantity =
+                format!("{} {:?}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
+            rows.row(
+                "replacement",
+                &replaced.scene,
+                replaced.octree,
+                &at,
+                &quantity,
+                row.misses_per_record_access,
+                None,
+            );
+        }
+    }
+    for contention in &paper.contention {
+        rows.contention(contention);
+    }
+    for width in &paper.widths {
+        let at = place(&width.conditions, width.nodes, contention::SMALLEST);
+        let Conditions { scene, octree, .. } = &width.conditions;
+        let mut row = |quantity: &str, found| {
+            let quantity = format!("{quantity} on a bus of {} bytes", width.bus_width);
+            rows.row("bus width", scene, *octree, &at, &quantity, found, None);
+        };
+        row("efficiency", width.efficiency);
+        row("utilisation", width.utilisation);
+        row("knee", width.knee);
+    }
     rows.0
 }
 
 /// The columns from `line_bytes` to `local_memory`.
-fn place(setting: &Setting, nodes: u16, size: MemorySize) -> String {
-    format!("{},{},{nodes},{size}", setting.line_bytes, setting.replacement)
+fn place(conditions: &Conditions, nodes: u16, size: MemorySize) -> String {
+    format!("{},{nodes},{size}", conditions.line_bytes)
 }
 
 struct Rows(String);
@@ -78,9 +108,9 @@ impl Rows {
     }
 
     fn traffic(&mut self, traffic: &Traffic) {
-        let Setting { scene, octree, .. } = &traffic.setting;
+        let Conditions { scene, octree, .. } = &traffic.conditions;
         for size in &traffic.sizes {
-            let at = place(&traffic.setting, traffic.nodes, size.local_memory);
+            let at = place(&traffic.conditions, traffic.nodes, size.local_memory);
             let mut row =
                 |quantity, found: f64, published| self.row("traffic", scene, *octree, &at, quantity, found, published);
             row("local_bytes", size.local_bytes as f64, None);
@@ -92,9 +122,27 @@ impl Rows {
             row("bus share", traffic.bus_shares(size)[0], None);
             row(Ratio::MissesPerRecordAccess.name(), size.ratio(Ratio::MissesPerRecordAccess), None);
         }
-        let at = format!("{},{},{},", traffic.setting.line_bytes, traffic.setting.replacement, traffic.nodes);
+        let at = format!("{},{},", traffic.conditions.line_bytes, traffic.nodes);
         let about = published::MESSAGE_BYTES_ABOUT as f64;
         let messages = traffic.messages.bytes() as f64;
         self.row("traffic", scene, *octree, &at, "message_bytes", messages, Some(about));
+    }
+
+    fn contention(&mut self, contention: &Contention) {
+        let Conditions { scene, octree, .. } = &contention.conditions;
+        for nodes in &contention.nodes {
+            let at = place(&contention.conditions, nodes.nodes, contention.local_memory);
+            let mut row = |quantity, found| self.row("contention", scene, *octree, &at, quantity, found, None);
+            row("cycles", nodes.cycles as f64);
+            row("speed_up", nodes.speed_up);
+            row("speed_up exponential", nodes.exponential.speed_up);
+            row("speed_up fixed", nodes.fixed.speed_up);
+            row("efficiency", nodes.efficiency);
+            row("efficiency exponential", nodes.exponential.efficiency);
+            row("efficiency fixed", nodes.fixed.efficiency);
+            row("utilisation", nodes.utilisation);
+            row("wait_mean_cycles", nodes.wait_mean_cycles);
+            row("wait_percentile_99_cycles", nodes.wait_percentile_99_cycles as f64);
+        }
     }
 }

@@ -2,16 +2,16 @@
 
 use serde::Serialize;
 
+use crate::study::conditions::Conditions;
 use crate::study::counts::Ratio;
 use crate::study::published;
-use crate::study::setting::Setting;
 use crate::study::traffic::Traffic;
 
 /// One definition in one setting, by size of the local memory: [`published::TABLE_SIZES`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table1 {
     #[serde(flatten)]
-    pub setting: Setting,
+    pub conditions: Conditions,
     pub nodes: u16,
     pub ratio: Ratio,
     pub found: [f64; 4],
@@ -27,8 +27,8 @@ impl Table1 {
         let [Some(a), Some(b), Some(c), Some(d)] = sizes else { return Vec::new() };
         let row = |ratio: Ratio| {
             let found = [a, b, c, d].map(|size| size.ratio(ratio));
-            let (setting, nodes) = (traffic.setting.clone(), traffic.nodes);
-            Self { setting, nodes, ratio, found, published, off_by: off_by(found, published) }
+            let (conditions, nodes) = (traffic.conditions.clone(), traffic.nodes);
+            Self { conditions, nodes, ratio, found, published, off_by: off_by(found, published) }
         };
         Ratio::ALL.map(row).to_vec()
     }

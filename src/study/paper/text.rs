@@ -3,12 +3,13 @@
 use std::fmt::Write;
 
 use super::{Figure1, GEARS, Paper, PaperScene, TEAPOT};
+use crate::study::conditions::octree;
+use crate::study::contention::{Contention, EFFICIENCY, SMALLEST, Width};
 use crate::study::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
-use crate::study::setting::octree;
 use crate::study::table::{Table, grouped, percent};
 use crate::study::traffic::{Size, Traffic};
 use crate::study::{counts::Ratio, published};
-use crate::topology::MemorySize;
+use crate::topology::{Arbiter, MemorySize, Transactions};
 
 /// Tables, each below what it shows and with which settings.
 pub fn text(paper: &Paper) -> String {
@@ -41,7 +42,9 @@ fn write(out: &mut String, paper: &Paper) -> std::fmt::Result {
     }
     replacements(out, paper)?;
     sizes_in_bytes(out, paper)?;
-    processors(out, paper)
+    processors(out, paper)?;
+    contentions(out, &paper.contention)?;
+    widths(out, paper)
 }
 
 fn figure1(out: &mut String, figures: &[Figure1]) -> std::fmt::Result {
@@ -86,7 +89,7 @@ fn figure1(out: &mut String, figures: &[Figure1]) -> std::fmt::Result {
 /// Those of a scene.
 fn of<'a>(all: &'a [Traffic], scene: &PaperScene) -> Vec<&'a Traffic> {
     let name = scene.source().to_string();
-    all.iter().filter(|traffic| traffic.setting.scene == name).collect()
+    all.iter().filter(|traffic| traffic.conditions.scene == name).collect()
 }
 
 fn traffic(out: &mut String, scene: &PaperScene, paper: &Paper) -> std::fmt::Result {
@@ -98,10 +101,10 @@ fn traffic(out: &mut String, scene: &PaperScene, paper: &Paper) -> std::fmt::Res
     )?;
     let all = of(&paper.traffic, scene);
     for &tree in scene.octrees {
-        let shown: Vec<_> = all.iter().filter(|traffic| traffic.setting.octree == tree).collect();
+        let shown: Vec<_> = all.iter().filter(|traffic| traffic.conditions.octree == tree).collect();
         let Some(first) = shown.first() else { continue };
-        writeln!(out, "{}, database of {} bytes", octree(tree), grouped(first.setting.database_bytes))?;
-        let head = shown.iter().map(|t| format!("{} nodes, lines of {}", t.nodes, t.setting.line_bytes));
+        writeln!(out, "{}, database of {} bytes", octree(tree), grouped(first.conditions.database_bytes))?;
+        let head = shown.iter().map(|t| format!("{} nodes, lines of {}", t.nodes, t.conditions.line_bytes));
         let mut table =
             Table::columns(["local memory".to_owned(), "bytes of one".to_owned()].into_iter().chain(head).collect());
         for (i, size) in first.sizes.iter().enumerate() {
@@ -132,8 +135,9 @@ fn table1(out: &mut String, scene: &PaperScene, paper: &Paper) -> std::fmt::Resu
     };
     row(["published".to_owned(), String::new(), String::new()], scene.table, String::new());
     let name = scene.source().to_string();
-    for found in paper.table1.iter().filter(|table| table.setting.scene == name) {
-        let head = [octree(found.setting.octree), found.setting.line_bytes.to_string(), found.ratio.name().to_owned()];
+    for found in paper.table1.iter().filter(|table| table.conditions.scene == name) {
+        let head =
+            [octree(found.conditions.octree), found.conditions.line_bytes.to_string(), found.ratio.name().to_owned()];
         row(head, found.found, format!("{:.2}x", found.off_by));
     }
     writeln!(out, "{table}")
@@ -144,19 +148,11 @@ fn replacements(out: &mut String, paper: &Paper) -> std::fmt::Result {
     let sizes = published::TABLE_SIZES.map(|size| size.to_string());
     let [a, b, c, d] = sizes.each_ref().map(String::as_str);
     let mut table = Table::new(["scene", "octree", "replacement", a, b, c, d]);
-    let lru = |traffic: &&Traffic| {
-        let first = |scene: &PaperScene| scene.octrees.first() == Some(&traffic.setting.octree);
-        let scene = if traffic.setting.scene == GEARS.source().to_string() { &GEARS } else { &TEAPOT };
-        first(scene) && traffic.setting.line_bytes == 64 && traffic.nodes == published::TABLE_NODES
-    };
-    for traffic in paper.traffic.iter().filter(lru).chain(&paper.replacements) {
-        let Traffic { setting, .. } = traffic;
-        let head = [setting.scene.clone(), octree(setting.octree), setting.replacement.to_string()];
-        let cells = published::TABLE_SIZES.map(|size| {
-            let size = traffic.size(size);
-            size.map_or_else(String::new, |size| format!("{:.4}", size.ratio(Ratio::MissesPerRecordAccess)))
-        });
-        table.row(head.into_iter().chain(cells).collect());
+    for replaced in &paper.replacements {
+        for (policy, ratios) in replaced.by_policy() {
+            let head = [replaced.scene.clone(), octree(replaced.octree), format!("{policy:?}").to_lowercase()];
+            table.row(head.into_iter().chain(ratios.iter().map(|ratio| format!("{ratio:.4}"))).collect());
+        }
     }
     writeln!(out, "{table}")
 }
@@ -202,9 +198,9 @@ fn sizes_in_bytes(out: &mut String, paper: &Paper) -> std::fmt::Result {
 fn bus_row(traffic: &Traffic, size: &Size) -> Vec<String> {
     let [data, with_messages] = traffic.bus_shares(size);
     vec![
-        octree(traffic.setting.octree),
-        traffic.setting.line_bytes.to_string(),
-        grouped(traffic.setting.database_bytes),
+        octree(traffic.conditions.octree),
+        traffic.conditions.line_bytes.to_string(),
+        grouped(traffic.conditions.database_bytes),
         grouped(size.local_bytes),
         grouped(size.bus_bytes),
         grouped(traffic.unique_processor_bytes),
@@ -239,9 +235,9 @@ fn processors(out: &mut String, paper: &Paper) -> std::fmt::Result {
     ]);
     for found in &paper.processors {
         table.row(vec![
-            found.setting.scene.clone(),
-            octree(found.setting.octree),
-            found.setting.line_bytes.to_string(),
+            found.conditions.scene.clone(),
+            octree(found.conditions.octree),
+            found.conditions.line_bytes.to_string(),
             format!("{:.4}", found.misses_per_access),
             format!("{:.1}", found.by_accesses),
             format!("{:.4}", found.words_moved_per_word_read),
@@ -249,6 +245,115 @@ fn processors(out: &mut String, paper: &Paper) -> std::fmt::Result {
             format!("{:.2}", found.words_an_access),
             format!("{:.1}", found.bytes_a_miss),
             format!("{:.1}", found.presupposed_bus_bytes),
+        ]);
+    }
+    writeln!(out, "{table}")
+}
+
+/// Simulation and formula side by side.
+pub(in crate::study) fn contentions(out: &mut String, all: &[Contention]) -> std::fmt::Result {
+    let Some(Contention { processor, bus, formula_nodes, .. }) = all.first() else { return Ok(()) };
+    writeln!(
+        out,
+        "CONTENTION  Nodes that share a bus, in simulated cycles; tiles on demand, row by row. A processor takes {} cycles \
+         an octree\nnode, {} a primitive test, {} a shading, {} a record read; the bus moves {} bytes in {} cycles after \
+         {} of latency, {},\n{}. Formulae: closed networks with the mean times of {formula_nodes} nodes, service times \
+         exponential\n(exact mean value analysis) or all the same (M/D/1//N). A model, which changes no count.\n",
+        processor.octree_node,
+        processor.primitive_test,
+        processor.shading,
+        processor.local_access,
+        bus.width,
+        bus.cycles_per_word,
+        bus.latency,
+        match bus.transactions {
+            Transactions::Locked => "locked meanwhile",
+            Transactions::Split => "split transactions",
+        },
+        match bus.arbiter {
+            Arbiter::Fifo => "first come, first served",
+            Arbiter::RoundRobin { .. } => "round robin",
+            Arbiter::FixedPriority => "the lowest node first",
+        }
+    )?;
+    for contention in all {
+        contention_table(out, contention)?;
+    }
+    Ok(())
+}
+
+fn contention_table(out: &mut String, contention: &Contention) -> std::fmt::Result {
+    let Contention { conditions, local_memory, knee, formula, .. } = contention;
+    writeln!(out, "{}, lines of {}, local memory {local_memory}", conditions.subject(), conditions.line_bytes)?;
+    let mut table = Table::new([
+        "nodes",
+        "p",
+        "cycles",
+        "speed-up",
+        "exponential",
+        "same",
+        "efficiency",
+        "exponential",
+        "same",
+        "bus held",
+        "exponential",
+        "same",
+        "mean wait",
+        "99 of 100",
+    ]);
+    for row in &contention.nodes {
+        table.row(vec![
+            row.nodes.to_string(),
+            format!("{:.4}", row.misses_per_access),
+            grouped(row.cycles),
+            format!("{:.2}", row.speed_up),
+            format!("{:.2}", row.exponential.speed_up),
+            format!("{:.2}", row.fixed.speed_up),
+            percent(row.efficiency, 1),
+            percent(row.exponential.efficiency, 1),
+            percent(row.fixed.efficiency, 1),
+            percent(row.utilisation, 1),
+            percent(row.exponential.utilisation, 1),
+            percent(row.fixed.utilisation, 1),
+            format!("{:.1}", row.wait_mean_cycles),
+            row.wait_percentile_99_cycles.to_string(),
+        ]);
+    }
+    let nodes = |nodes: Option<u16>| nodes.map_or_else(|| "none".to_owned(), |nodes| nodes.to_string());
+    writeln!(
+        out,
+        "{table}Between transactions {:.1} cycles, on the bus {:.1}: knee N* {knee:.1}; 1/p {:.1}. Nodes that compute {} of \
+         their time:\nat most {} of those simulated, {} by exponential, {} by fixed service.\n",
+        formula.think_cycles(),
+        formula.service_cycles,
+        contention.saturation().unwrap_or(f64::INFINITY),
+        percent(EFFICIENCY, 0),
+        nodes(contention.efficient_simulated),
+        nodes(contention.efficient_exponential),
+        nodes(contention.efficient_fixed)
+    )
+}
+
+fn widths(out: &mut String, paper: &Paper) -> std::fmt::Result {
+    writeln!(
+        out,
+        "BUS WIDTH  The paper's {} nodes at {}, simulated as above on other buses\n",
+        published::PROCESSORS,
+        SMALLEST
+    )?;
+    let mut table =
+        Table::new(["scene", "octree", "line", "bytes a cycle", "efficiency", "bus held", "knee N*", "nodes at 90%"]);
+    for width in &paper.widths {
+        let Width { conditions, bus_width, efficiency, utilisation, knee, efficient_fixed, .. } = width;
+        table.row(vec![
+            conditions.scene.clone(),
+            octree(conditions.octree),
+            conditions.line_bytes.to_string(),
+            bus_width.to_string(),
+            percent(*efficiency, 1),
+            percent(*utilisation, 1),
+            format!("{knee:.1}"),
+            efficient_fixed.map_or_else(|| "none".to_owned(), |nodes| nodes.to_string()),
         ]);
     }
     write!(out, "{table}")
