@@ -32,6 +32,12 @@ impl<'a> Classes<'a> {
         (section, class)
     }
 
+    /// The section of a record, and its index there.
+    #[inline(always)]
+    pub fn place(&self, record: u32) -> (Section, u32) {
+        self.numbers.place(record)
+    }
+
     /// The level of an octree node.
     #[inline(always)]
     pub fn level(&self, index: u32) -> u32 {

@@ -3,6 +3,9 @@
 use serde::Serialize;
 
 use super::count::{Replayer, Sum, Totals};
+use super::curve::{LruCurve, curve};
+use super::miss_classes::{MissClasses, classify};
+use super::optimal::optimal;
 use super::schedule::Schedule;
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
@@ -29,6 +32,10 @@ pub struct Row {
     pub words_moved: u64,
     pub misses_per_record_access: f64,
     pub words_moved_per_word_read: f64,
+    /// The misses, divided; `None` where that was not asked for, or the assignment is not known beforehand.
+    pub compulsory_misses: Option<u64>,
+    pub capacity_misses: Option<u64>,
+    pub conflict_misses: Option<i64>,
     /// In simulated cycles; `None` where the bus was not simulated.
     pub cycles: Option<u64>,
     pub efficiency: Option<f64>,
@@ -50,6 +57,8 @@ const ON_DEMAND: &str =
 pub struct Evaluation {
     /// Nodes sharing their buses, in cycles. On-demand assignment is simulated so whether or not.
     pub timings: bool,
+    /// Whether misses are divided into compulsory, capacity and conflict misses.
+    pub classes: bool,
     /// Why nothing is exact.
     pub damage: Option<String>,
 }
@@ -120,7 +129,59 @@ pub fn evaluate<S: Subject>(
         sums[setting].1 = timing;
     }
     let rows = settings.iter().zip(&geometries).zip(sums);
-    Ok(rows.map(|((setting, geometry), sum)| Row::new(*setting, *geometry, sum, words_read, evaluation)).collect())
+    let row = |((setting, geometry), sum): ((&Setting, &Geometry), _)| {
+        Row::new(*setting, *geometry, sum, words_read, evaluation)
+    };
+    let mut rows: Vec<Row> = rows.map(row).collect();
+    if evaluation.classes {
+        divide_misses(subject, &schedules, &geometries, &mut rows)?;
+    }
+    Ok(rows)
+}
+
+/// Divides the misses of rows whose assignment is known beforehand, with one curve for all of the same references.
+fn divide_misses<S: Subject>(
+    subject: &S,
+    schedules: &[Schedule],
+    geometries: &[Geometry],
+    rows: &mut [Row],
+) -> Result<(), TraceError> {
+    let known: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].setting.assignment != Assignment::OnDemand).collect();
+    let mut jobs: Vec<usize> = Vec::new();
+    for &i in &known {
+        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
+        if !jobs.iter().any(is_same) {
+            jobs.push(i);
+        }
+    }
+    let curves = parallel::map(&jobs, |&i| cluster_curve(subject, &schedules[i], rows[i].setting.line));
+    let curves = curves.into_iter().collect::<Result<Vec<_>, _>>()?;
+    for i in known {
+        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
+        let Some(job) = jobs.iter().position(is_same) else { continue };
+        let row = &mut rows[i];
+        let actual = Totals {
+            record_accesses: row.record_accesses,
+            record_misses: row.misses,
+            line_accesses: row.line_accesses,
+            line_misses: row.line_misses,
+        };
+        let MissClasses { compulsory, capacity, conflict } =
+            classify(&actual, &curves[job], geometries[i].lines()).records;
+        (row.compulsory_misses, row.capacity_misses) = (Some(compulsory), Some(capacity));
+        row.conflict_misses = Some(conflict);
+    }
+    Ok(())
+}
+
+/// The curve of all nodes together, each with a memory of the same size.
+fn cluster_curve<S: Subject>(subject: &S, schedule: &Schedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
+    let lines = subject.lines(line_bytes);
+    let mut sum = LruCurve::default();
+    for tiles in schedule.nodes.iter().flatten() {
+        sum.add(&curve(subject, tiles, &lines)?);
+    }
+    Ok(sum)
 }
 
 /// Optimal replacement has no times.
@@ -152,6 +213,9 @@ impl Row {
             words_moved,
             misses_per_record_access: ratio(totals.record_misses, totals.record_accesses),
             words_moved_per_word_read: ratio(words_moved, words_read),
+            compulsory_misses: None,
+            capacity_misses: None,
+            conflict_misses: None,
             cycles: timing.map(|timing| timing.cycles),
             efficiency: timing.map(|timing| timing.efficiency),
             bus_utilisation: timing.map(|timing| timing.bus_utilisation),
@@ -184,7 +248,14 @@ fn count<S: Subject>(
         Policy::Fifo => through::<Fifo, _>(subject, processes, geometry),
         Policy::Clock => through::<Clock, _>(subject, processes, geometry),
         Policy::Random => through::<Random, _>(subject, processes, geometry),
-        Policy::Optimal => Err(TraceError("optimal".to_owned())),
+        Policy::Optimal => {
+            let lines = subject.lines(geometry.line_bytes);
+            let mut totals = Totals::default();
+            for tiles in processes {
+                optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
+            }
+            Ok(totals)
+        }
     }
 }
 

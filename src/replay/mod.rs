@@ -4,17 +4,23 @@
 
 pub mod captured;
 pub mod contention;
+pub mod contention_table;
 pub mod count;
 pub mod curve;
 pub mod detail;
 pub mod evaluation;
+pub mod exporters;
 pub mod grid;
+pub mod heat_map;
+pub mod importers;
 pub mod lines;
 pub mod live;
 pub mod miss_classes;
 pub mod next_use;
 pub mod optimal;
+pub mod origins;
 pub mod parallel;
+pub mod pixels;
 pub mod reads;
 pub mod schedule;
 pub mod setting;

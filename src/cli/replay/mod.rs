@@ -1,14 +1,17 @@
 //! `marti replay RECORDING`
 
+mod contention;
+mod curve;
 mod lists;
 mod table;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use self::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount};
-use super::{Failure, json, print};
+use self::table::{Format, Table};
+use super::{Failure, print};
 use crate::recording::references::{Opened, Recording};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::grid::Grid;
@@ -25,6 +28,18 @@ pub struct ReplayArguments {
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
+    /// Print the exact misses of LRU memories of all sizes, by node and of all nodes
+    #[arg(long, group = "mode")]
+    curve: bool,
+    /// Recompute a sample of the curve by brute force
+    #[arg(long, requires = "curve")]
+    verify: bool,
+    /// Print how nodes fare that share a bus, simulated and by formula; default for --nodes: 1..256x2
+    #[arg(long, group = "mode")]
+    contention: bool,
+    /// Also divide misses into compulsory, capacity and conflict misses
+    #[arg(long)]
+    classes: bool,
     /// Also simulate the buses, in cycles of the recorded cost model
     #[arg(long)]
     timings: bool,
@@ -71,13 +86,6 @@ struct GridOptions {
     arbiter: Vec<ArbiterName>,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum Format {
-    Text,
-    Json,
-    Csv,
-}
-
 fn tile_order(text: &str) -> Result<TileOrder, String> {
     let orders = [TileOrder::Scanline, TileOrder::Morton, TileOrder::Random];
     let found = orders.into_iter().find(|order| order.to_string() == text);
@@ -110,19 +118,43 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let damage = damage(&faults, arguments.partial)?;
     let recorded = Setting::recorded(&recording.topology);
     let settings = arguments.grid.grid().settings(recorded).map_err(Failure::bad_input)?;
+    if arguments.curve {
+        return curve::print_curves(&recording, &settings, arguments.format, arguments.verify);
+    }
+    if arguments.contention {
+        let are_nodes_given = arguments.grid.nodes.is_some();
+        return contention::print_contention(&recording, &settings, are_nodes_given, arguments.format);
+    }
     let varies_bus = !arguments.grid.arbiter.is_empty() || arguments.grid.bus_width.is_some();
-    let evaluation = Evaluation { timings: arguments.timings || varies_bus, damage };
+    let evaluation = Evaluation { timings: arguments.timings || varies_bus, classes: arguments.classes, damage };
     let rows =
         evaluate(&recording, &settings, &evaluation, |_| {}).map_err(|error| Failure::bad_input(error.to_string()))?;
-    print(&rendered(&rows, arguments.format)?)
+    print_rows(&rows, arguments.format)
 }
 
-fn rendered(rows: &[Row], format: Format) -> Result<String, Failure> {
-    match format {
-        Format::Text => table::text(rows),
-        Format::Json => json(&rows),
-        Format::Csv => table::csv(rows),
+/// Columns of a row that are settings.
+const SETTINGS: [&str; 10] = [
+    "local_memory",
+    "line",
+    "ways",
+    "replacement",
+    "nodes",
+    "clusters",
+    "tile_order",
+    "assignment",
+    "bus_width",
+    "arbiter",
+];
+
+fn print_rows(rows: &[Row], format: Format) -> Result<(), Failure> {
+    let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
+    reasons.sort_unstable();
+    reasons.dedup();
+    print(&Table::new(rows)?.print(format, &SETTINGS)?)?;
+    if format == Format::Text {
+        reasons.iter().try_for_each(|reason| print(&format!("\napproximate: {reason}\n")))?;
     }
+    Ok(())
 }
 
 /// Why nothing that comes of a damaged recording is exact.

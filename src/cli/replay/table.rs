@@ -1,80 +1,91 @@
-//! Rows of a replay as text, JSON and CSV.
+//! Rows as text, JSON and CSV: whatever serialises to an object is a row, and its fields are the columns.
 
 use std::fmt::Write;
 
-use serde_json::Value;
+use clap::ValueEnum;
+use serde::Serialize;
+use serde_json::{Map, Value};
 
-use crate::cli::Failure;
-use crate::replay::evaluation::Row;
+use crate::cli::{Failure, json};
 
-/// A table for people: what is the same in all rows stands above it.
-pub(super) fn text(rows: &[Row]) -> Result<String, Failure> {
-    let objects = objects(rows)?;
-    let Some(first) = objects.first() else { return Ok(String::new()) };
-    let settings = SETTINGS.into_iter().filter(|column| first.contains_key(*column));
-    let (varied, same): (Vec<_>, Vec<_>) =
-        settings.partition(|&column| objects.iter().any(|row| row.get(column) != first.get(column)));
-    let mut out = String::new();
-    let same = same.iter().map(|&column| format!("{} {}", column.replace('_', " "), cell(column, &first[column])));
-    let _ = writeln!(out, "{}\n", same.collect::<Vec<_>>().join(", "));
-    let counted = |column: &&str| objects.iter().any(|row| row.get(*column).is_some_and(|value| !value.is_null()));
-    let columns: Vec<&str> = varied.into_iter().chain(COUNTS.into_iter().filter(counted)).collect();
-    let mut lines = vec![columns.iter().map(|column| (*column).replace('_', " ")).collect::<Vec<_>>()];
-    lines.extend(objects.iter().map(|row| columns.iter().map(|&column| cell(column, &row[column])).collect()));
-    let widths: Vec<usize> =
-        (0..columns.len()).map(|i| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0)).collect();
-    for line in lines {
-        let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
-        let _ = writeln!(out, "{}", cells.join("  ").trim_end());
-    }
-    for reason in reasons(rows) {
-        let _ = writeln!(out, "\napproximate: {reason}");
-    }
-    Ok(out)
+/// How a table is printed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub(super) enum Format {
+    Text,
+    Json,
+    Csv,
 }
 
-const SETTINGS: [&str; 10] = [
-    "local_memory",
-    "line",
-    "ways",
-    "replacement",
-    "nodes",
-    "clusters",
-    "tile_order",
-    "assignment",
-    "bus_width",
-    "arbiter",
-];
-const COUNTS: [&str; 13] = [
-    "local_bytes",
-    "record_accesses",
-    "misses",
-    "misses_per_record_access",
-    "words_read",
-    "words_moved",
-    "words_moved_per_word_read",
-    "cycles",
-    "efficiency",
-    "bus_utilisation",
-    "wait_mean",
-    "wait_percentile_99",
-    "exact",
-];
-
-fn reasons(rows: &[Row]) -> Vec<&str> {
-    let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
-    reasons.sort_unstable();
-    reasons.dedup();
-    reasons
+/// Rows of one kind.
+pub(super) struct Table {
+    rows: Vec<Map<String, Value>>,
 }
 
-fn objects(rows: &[Row]) -> Result<Vec<serde_json::Map<String, Value>>, Failure> {
-    let object = |row: &Row| match serde_json::to_value(row) {
-        Ok(Value::Object(object)) => Ok(object),
-        Ok(_) => Err(Failure::failed("a row is no object".to_owned())),
-        Err(error) => Err(Failure::failed(error.to_string())),
-    };
-    rows.iter().map(object).collect()
+impl Table {
+    pub(super) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
+        let object = |row| match serde_json::to_value(row) {
+            Ok(Value::Object(object)) => Ok(object),
+            Ok(_) => Err(Failure::failed("a row is no object")),
+            Err(error) => Err(Failure::failed(error.to_string())),
+        };
+        Ok(Self { rows: rows.iter().map(object).collect::<Result<_, _>>()? })
+    }
+
+    /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
+    pub(super) fn print(&self, format: Format, settings: &[&str]) -> Result<String, Failure> {
+        match format {
+            Format::Text => Ok(self.text(settings)),
+            Format::Json => json(&self.rows),
+            Format::Csv => Ok(self.csv()),
+        }
+    }
+
+    fn columns(&self) -> Vec<&str> {
+        self.rows.first().into_iter().flat_map(Map::keys).map(String::as_str).collect()
+    }
+
+    fn text(&self, settings: &[&str]) -> String {
+        let Some(first) = self.rows.first() else { return String::new() };
+        let varies = |column: &str| self.rows.iter().any(|row| row.get(column) != first.get(column));
+        let is_filled = |column: &str| self.rows.iter().any(|row| row.get(column).is_some_and(|v| !v.is_null()));
+        let (mut heading, mut columns) = (Vec::new(), Vec::new());
+        for column in self.columns() {
+            if settings.contains(&column) && !varies(column) {
+                heading.push(format!("{} {}", column.replace('_', " "), cell(column, &first[column])));
+            } else if column != "reason" && (settings.contains(&column) || is_filled(column)) {
+                columns.push(column);
+            }
+        }
+        let mut lines = vec![columns.iter().map(|column| column.replace('_', " ")).collect::<Vec<_>>()];
+        lines.extend(self.rows.iter().map(|row| columns.iter().map(|&column| cell(column, &row[column])).collect()));
+        let width = |i: usize| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns.len()).map(width).collect();
+        let mut out = String::new();
+        if !heading.is_empty() {
+            let _ = writeln!(out, "{}\n", heading.join(", "));
+        }
+        for line in &lines {
+            let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
+            let _ = writeln!(out, "{}", cells.join("  ").trim_end());
+        }
+        out
+    }
+
+    /// One line a row under one of names.
+    fn csv(&self) -> String {
+        let columns = self.columns();
+        let mut out = columns.join(",") + "\n";
+        for row in &self.rows {
+            let cells = columns.iter().map(|&column| match &row[column] {
+                Value::Null => String::new(),
+                Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
+                Value::String(text) => text.clone(),
+                value => value.to_string(),
+            });
+            out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+        }
+        out
+    }
 }
 
 fn cell(column: &str, value: &Value) -> String {
@@ -83,25 +94,42 @@ fn cell(column: &str, value: &Value) -> String {
         ("exact", Value::Bool(exact)) => if *exact { "exact" } else { "approximate" }.to_owned(),
         (_, Value::Null) => "-".to_owned(),
         (_, Value::String(text)) => text.clone(),
-        (_, Value::Number(number)) if number.is_f64() => format!("{:.6}", number.as_f64().unwrap_or_default()),
+        (_, Value::Number(number)) if number.is_f64() => {
+            let value = number.as_f64().unwrap_or_default();
+            if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.2}") }
+        }
         (_, value) => value.to_string(),
     }
 }
 
-/// One line a row under one of names.
-pub(super) fn csv(rows: &[Row]) -> Result<String, Failure> {
-    let objects = objects(rows)?;
-    let Some(first) = objects.first() else { return Ok(String::new()) };
-    let columns: Vec<&String> = first.keys().collect();
-    let mut out = columns.iter().map(|column| column.as_str()).collect::<Vec<_>>().join(",") + "\n";
-    for row in &objects {
-        let cells = columns.iter().map(|&column| match &row[column] {
-            Value::Null => String::new(),
-            Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Value::String(text) => text.clone(),
-            value => value.to_string(),
-        });
-        out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Serialize)]
+    struct Row {
+        line: u32,
+        nodes: u32,
+        misses: u64,
+        why: Option<&'static str>,
     }
-    Ok(out)
+
+    fn table() -> Table {
+        let row = |nodes, misses, why| Row { line: 64, nodes, misses, why };
+        Table::new(&[row(4, 100, None), row(16, 7, Some("a, \"b\""))]).expect("rows")
+    }
+
+    #[test]
+    fn what_is_the_same_stands_above_the_table() {
+        let text = table().print(Format::Text, &["line", "nodes"]).expect("text");
+        assert_eq!(text, "line 64\n\nnodes  misses        why\n    4     100          -\n   16       7  a, \"b\"\n");
+    }
+
+    #[test]
+    fn csv_quotes_what_it_must() {
+        let csv = table().print(Format::Csv, &[]).expect("text");
+        assert_eq!(csv, "line,nodes,misses,why\n64,4,100,\n64,16,7,\"a, \"\"b\"\"\"\n");
+        let json: Value = serde_json::from_str(&table().print(Format::Json, &[]).expect("text")).expect("JSON");
+        assert_eq!((json[1]["nodes"].as_u64(), json[0]["why"].is_null()), (Some(16), true));
+    }
 }
