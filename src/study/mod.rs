@@ -1,6 +1,7 @@
 //! Studies: scenes traced once, then replayed through many clusters. [`paper`] is what the paper publishes beside what
 //! this program finds; [`sweep`] the same for a scene of one's own.
 
+pub mod charts;
 pub mod conditions;
 pub mod contention;
 pub mod counts;
@@ -10,6 +11,7 @@ pub mod page;
 pub mod paper;
 pub mod plot;
 pub mod published;
+pub mod sweep;
 pub mod table;
 pub mod traced;
 pub mod traffic;

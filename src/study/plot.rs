@@ -1,6 +1,7 @@
 //! Line charts as SVG.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 /// Distinct to the colour-blind: M. Okabe, K. Ito, *Color Universal Design*, 2008.
@@ -158,7 +159,8 @@ impl Chart {
             let style = series.style;
             drawn.label(&series.name).legend(move |(x, y)| match style {
                 Style::Published => Cross::new((x + 10, y), 5, line).into_dyn(),
-                _ => PathElement::new(vec![(x, y), (x + 20, y)], line).into_dyn(),
+                Style::Dashed => DashedPathElement::new([(x, y), (x + 20, y)].into_iter(), 6, 4, line).into_dyn(),
+                Style::Line | Style::Marked => PathElement::new([(x, y), (x + 20, y)], line).into_dyn(),
             });
         }
         chart

@@ -17,7 +17,7 @@ use crate::replay::subject::Subject;
 use crate::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
 use crate::tile_order;
 use crate::topology::{Bus, Octree, Processor, TileOrder};
-use crate::tracer::Tiling;
+use crate::tracer::{RayKind, Tiling};
 
 /// References, and the database that they are of.
 #[derive(Clone, Debug)]
@@ -34,6 +34,8 @@ pub struct Traced<T> {
     pub trace: T,
     /// All that was read, by ray kind, section and level. Nothing missed.
     pub reads: MemoryStats,
+    /// By [`RayKind`].
+    pub rays: [u64; RayKind::COUNT],
 }
 
 /// What a topology says of a run, besides its cluster's size.
@@ -73,8 +75,8 @@ impl<T: Trace> Traced<T> {
         let Run { scene, octree, tiling, seed, processor, bus } = run;
         let layout = prepared.database.database().header.layout.clone();
         let numbers = RecordNumbers::new(&layout);
-        let reads = reads(&layout, &octree_levels(&prepared.database), &trace)?;
-        Ok(Self { scene, octree, tiling, seed, processor, bus, layout, numbers, trace, reads })
+        let (reads, rays) = reads(&layout, &octree_levels(&prepared.database), &trace)?;
+        Ok(Self { scene, octree, tiling, seed, processor, bus, layout, numbers, trace, reads, rays })
     }
 
     /// What memories of all sizes count, fully associative and LRU: the sum of all nodes.
@@ -146,30 +148,39 @@ impl<T: Trace> Subject for Traced<T> {
     }
 }
 
-/// Every read as a memory would count it in which nothing is missing.
-fn reads(layout: &Layout, levels: &[u8], trace: &impl Trace) -> Result<MemoryStats, TraceError> {
+/// Every read as a memory would count it in which nothing is missing, and every ray.
+fn reads(
+    layout: &Layout,
+    levels: &[u8],
+    trace: &impl Trace,
+) -> Result<(MemoryStats, [u64; RayKind::COUNT]), TraceError> {
     let tiles: Vec<u32> = (0..trace.tiles().len() as u32).collect();
     let chunks: Vec<&[u32]> = tiles.chunks(64).collect();
     let counted = parallel::map(&chunks, |tiles| {
         let mut detail = Detail::new(trace, Classes::new(layout, levels));
-        let mut words = Vec::new();
+        let (mut rays, mut words) = ([0; RayKind::COUNT], Vec::new());
         for &tile in *tiles {
             detail.tile(tile);
             for part in trace.tiles()[tile as usize].parts.clone() {
                 trace.read(part, &mut words)?;
                 for event in words.iter().filter_map(|&word| Word(word).decode()) {
                     match event {
-                        Event::Ray(kind) => detail.ray(kind),
+                        Event::Ray(kind) => {
+                            rays[kind as usize] += 1;
+                            detail.ray(kind);
+                        }
                         Event::Read(record) => detail.read(record, 0, 0),
                     }
                 }
             }
         }
-        Ok::<_, TraceError>(detail.stats)
+        Ok::<_, TraceError>((detail.stats, rays))
     });
-    let mut sum = MemoryStats::default();
-    for stats in counted {
-        sum.add(&stats?);
+    let mut sum = (MemoryStats::default(), [0; RayKind::COUNT]);
+    for counted in counted {
+        let (stats, rays) = counted?;
+        sum.0.add(&stats);
+        sum.1.iter_mut().zip(rays).for_each(|(sum, rays)| *sum += rays);
     }
     Ok(sum)
 }
@@ -192,7 +203,7 @@ mod tests {
         }
         let tests = [Section::Triangles, Section::Spheres, Section::Cones];
         let tests: u64 = tests.map(|section| traced.reads.section(section).record_accesses).iter().sum();
-        assert_eq!(tests, stats.primitive_tests);
+        assert_eq!((tests, traced.rays), (stats.primitive_tests, stats.rays));
     }
 
     #[test]

@@ -130,25 +130,20 @@ impl Traffic {
     }
 }
 
-/// Four points an octave, from the smallest memory to one of `image_bytes`.
+/// Four points an octave, from the smallest memory to one of `image_bytes`; the shares by powers of two are among them.
 fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoint> {
-    let most = (image_bytes / u64::from(line_bytes)).max(u64::from(LINES_MIN)) as u32;
-    let mut points = Vec::new();
-    let mut quarter = 0;
-    loop {
-        let lines = (f64::from(LINES_MIN) * libm::exp2(f64::from(quarter) / 4.0)) as u32;
-        let lines = lines.min(most);
+    let all = image_bytes / u64::from(line_bytes);
+    let lines = (0..).map(|quarter| (all as f64 * libm::exp2(-f64::from(quarter) / 4.0)) as u32);
+    let lines: Vec<u32> = lines.take_while(|&lines| lines >= LINES_MIN).collect();
+    let point = |&lines: &u32| {
         let totals = curve.at(lines);
-        points.push(CurvePoint {
+        CurvePoint {
             local_bytes: u64::from(lines) * u64::from(line_bytes),
             misses: totals.record_misses,
             bus_bytes: totals.line_misses * u64::from(line_bytes),
-        });
-        if lines == most {
-            return points;
         }
-        quarter += 1;
-    }
+    };
+    lines.iter().rev().map(point).collect()
 }
 
 impl Size {
@@ -189,6 +184,10 @@ mod tests {
         assert!(eighth.bus_bytes > half.bus_bytes);
         assert_eq!(eighth.counts.record_accesses, half.counts.record_accesses);
         assert_eq!(eighth.bus_bytes, 32 * eighth.counts.line_misses);
+        for size in [eighth, half] {
+            let point = traffic.curve.iter().find(|point| point.local_bytes == size.local_bytes);
+            assert_eq!(point.map(|point| (point.misses, point.bus_bytes)), Some((size.counts.misses, size.bus_bytes)));
+        }
         assert_eq!(all.bus_bytes, 3 * traced.layout.image_bytes());
         assert_eq!(all.ratio(Ratio::MissesPerRecordAccess), 0.0);
         let [data, with_messages] = traffic.bus_shares(eighth);

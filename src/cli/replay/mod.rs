@@ -3,7 +3,7 @@
 mod contention;
 mod curve;
 mod lists;
-mod table;
+pub(super) mod table;
 
 use std::path::PathBuf;
 
@@ -53,7 +53,7 @@ pub struct ReplayArguments {
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What is varied")]
-struct GridOptions {
+pub(super) struct GridOptions {
     /// Sizes of a node's local memory: "all", shares such as 1/8, bytes such as "64 KiB"; ranges double
     #[arg(long, value_name = "LIST")]
     local_memory: Option<List<Size>>,
@@ -93,7 +93,7 @@ fn tile_order(text: &str) -> Result<TileOrder, String> {
 }
 
 impl GridOptions {
-    fn grid(&self) -> Grid {
+    pub(super) fn grid(&self) -> Grid {
         fn values<T: Copy, U>(list: &Option<List<T>>, value: impl Fn(T) -> U) -> Vec<U> {
             list.iter().flat_map(|list| list.0.iter().map(|&one| value(one))).collect()
         }
@@ -133,7 +133,7 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
 }
 
 /// Columns of a row that are settings.
-const SETTINGS: [&str; 10] = [
+pub(super) const SETTINGS: [&str; 10] = [
     "local_memory",
     "line",
     "ways",

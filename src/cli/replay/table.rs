@@ -10,19 +10,19 @@ use crate::cli::{Failure, json};
 
 /// How a table is printed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub(super) enum Format {
+pub(in crate::cli) enum Format {
     Text,
     Json,
     Csv,
 }
 
 /// Rows of one kind.
-pub(super) struct Table {
+pub(in crate::cli) struct Table {
     rows: Vec<Map<String, Value>>,
 }
 
 impl Table {
-    pub(super) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
+    pub(in crate::cli) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
         let object = |row| match serde_json::to_value(row) {
             Ok(Value::Object(object)) => Ok(object),
             Ok(_) => Err(Failure::failed("a row is no object")),
@@ -32,7 +32,7 @@ impl Table {
     }
 
     /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
-    pub(super) fn print(&self, format: Format, settings: &[&str]) -> Result<String, Failure> {
+    pub(in crate::cli) fn print(&self, format: Format, settings: &[&str]) -> Result<String, Failure> {
         match format {
             Format::Text => Ok(self.text(settings)),
             Format::Json => json(&self.rows),

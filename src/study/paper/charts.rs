@@ -1,6 +1,7 @@
 //! The study as charts.
 
 use super::{GEARS, LINES, Paper, PaperScene, TEAPOT};
+use crate::study::charts::{self, curve, most, shares};
 use crate::study::conditions::octree;
 use crate::study::counts::Ratio;
 use crate::study::page::{Figure, Page};
@@ -15,12 +16,13 @@ pub fn page(paper: &Paper) -> Page {
     figures.extend([&GEARS, &TEAPOT].map(|scene| traffic(paper, scene)));
     figures.extend([&GEARS, &TEAPOT].map(|scene| table1(paper, scene)));
     figures.push(curves(paper));
+    figures.extend(paper.contention.iter().map(charts::contention));
     Page {
         title: "The 1991 paper's figures beside marti's".to_owned(),
         introduction: "M-P. Hébert, M. D. J. McNeill, B. Shah, R. L. Grimsdale, P. F. Lister: MARTI, a Multiprocessor \
                        Architecture for Ray Tracing Images, 1991. Lines are what this program finds; black crosses are \
-                       what the paper publishes as numbers. Where it leaves a setting open, several are shown, and \
-                       none was chosen because it fits."
+                       what the paper publishes as numbers. Where it leaves a setting open, several are shown: \
+                       nothing is tuned that is not said."
             .to_owned(),
         figures,
         text: super::text(paper),
@@ -32,23 +34,13 @@ fn figure1(paper: &Paper) -> Figure {
     for (i, figure) in paper.figure1.iter().enumerate() {
         let style = if i == 0 { Style::Marked } else { Style::Dashed };
         let name = octree(figure.octree);
-        let sum = |of: fn(&crate::study::levels::Level) -> u64| figure.levels.iter().map(of).sum::<u64>() as f64;
-        let (nodes, accesses) = (sum(|level| level.nodes), sum(|level| level.accesses));
-        let points = |of: fn(&crate::study::levels::Level) -> u64, all: f64| {
-            figure.levels.iter().map(|level| (f64::from(level.level), 100.0 * of(level) as f64 / all)).collect()
-        };
-        series.push(Series { name: format!("nodes; {name}"), points: points(|level| level.nodes, nodes), style });
-        let points = points(|level| level.accesses, accesses);
-        series.push(Series { name: format!("accesses; {name}"), points, style });
+        series.extend(charts::levels(&figure.levels, &format!("; {name}"), style));
     }
-    let deepest = paper.figure1.iter().map(|figure| figure.levels.len()).max().unwrap_or(1).max(2) as u32 - 1;
-    let ticks = (0..=deepest).map(|level| (f64::from(level), level.to_string())).collect();
-    let most = series.iter().flat_map(|series| &series.points).map(|&(_, y)| y).fold(0.0, f64::max);
     Figure {
         chart: Chart {
             title: "Figure 1: nodes and accesses by octree level, teapot".to_owned(),
-            x: Axis::linear("level", (0.0, f64::from(deepest)), ticks),
-            y: Axis::from_zero("per cent", most),
+            x: charts::level_axis(&series),
+            y: Axis::from_zero("per cent", most(&series)),
             series,
         },
         caption: format!(
@@ -61,29 +53,9 @@ fn figure1(paper: &Paper) -> Figure {
     }
 }
 
-/// From 1/64 to the whole database.
-fn shares() -> Axis {
-    let tick = |power: i32| {
-        let label = if power == 0 { "1".to_owned() } else { format!("1/{}", 1 << -power) };
-        (libm::exp2(f64::from(power)), label)
-    };
-    Axis::logarithmic("local memory of one node, of the database", (1.0 / 64.0, 1.0), (-6..=0).map(tick).collect())
-}
-
 fn of_scene<'a>(paper: &'a Paper, scene: &PaperScene) -> impl Iterator<Item = &'a Traffic> {
     let name = scene.source().to_string();
     paper.traffic.iter().filter(move |traffic| traffic.conditions.scene == name)
-}
-
-/// A curve of all sizes from 1/64 on.
-fn curve(traffic: &Traffic, of: impl Fn(&crate::study::traffic::CurvePoint) -> f64) -> Vec<(f64, f64)> {
-    let share = |bytes: u64| bytes as f64 / traffic.conditions.database_bytes as f64;
-    let points = traffic.curve.iter().map(|point| (share(point.local_bytes), of(point)));
-    points.filter(|&(share, _)| share >= 1.0 / 64.0).collect()
-}
-
-fn most(series: &[Series]) -> f64 {
-    series.iter().flat_map(|series| &series.points).map(|&(_, y)| y).fold(0.0, f64::max)
 }
 
 fn traffic(paper: &Paper, scene: &PaperScene) -> Figure {
@@ -134,7 +106,8 @@ fn table1(paper: &Paper, scene: &PaperScene) -> Figure {
         chart: Chart {
             title: format!("Table 1: shared / local memory accesses, {}", scene.source()),
             x: shares(),
-            y: Axis::from_zero("ratio", most(&series)),
+            // The legend stands above.
+            y: Axis::from_zero("ratio", 1.4 * most(&series)),
             series,
         },
         caption: format!(

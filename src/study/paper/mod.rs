@@ -19,8 +19,7 @@ pub use rows::csv;
 pub use table1::Table1;
 pub use text::text;
 
-use super::contention::{self, Contention, Width};
-use super::kept::Kept;
+use super::contention::{Contention, SMALLEST};
 use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
 use super::{conditions, published};
@@ -95,7 +94,8 @@ pub struct Paper {
     pub processors: Vec<Processors>,
     /// With each scene's first octree, at 1/32.
     pub contention: Vec<Contention>,
-    pub widths: Vec<Width>,
+    /// The same of [`published::PROCESSORS`] nodes on other buses.
+    pub widths: Vec<Contention>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -174,9 +174,16 @@ impl Paper {
         if first {
             tell(&format!("{name}: sharing a bus"));
             self.replacements.push(Replaced::new(&traced)?);
-            let (smallest, nodes) = (contention::SMALLEST, published::TABLE_NODES);
-            self.contention.extend(contention::contentions(&traced, smallest, &LINES, &NODES, nodes)?);
-            self.widths.extend(contention::widths(&traced, smallest, &LINES, published::PROCESSORS as u16, &WIDTHS)?);
+            let processors = [published::PROCESSORS as u16];
+            for line in LINES {
+                let with = |width, nodes: &[u16]| {
+                    Contention::new(&traced, SMALLEST, line, width, nodes).map_err(TrafficError::from)
+                };
+                self.contention.push(with(Bus::DEFAULT.width, &NODES)?);
+                for width in WIDTHS {
+                    self.widths.push(with(width, &processors)?);
+                }
+            }
         }
         Ok(())
     }

@@ -20,7 +20,7 @@ pub struct Replaced {
 }
 
 /// Those that are tried.
-const POLICIES: [Policy; 4] = [Policy::Lru, Policy::Fifo, Policy::Clock, Policy::Random];
+const POLICIES: [Policy; 5] = [Policy::Lru, Policy::Fifo, Policy::Clock, Policy::Random, Policy::Optimal];
 
 impl Replaced {
     pub(super) fn new<T: Trace>(traced: &Traced<T>) -> Result<Self, TrafficError> {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Paper;
 use crate::study::conditions::Conditions;
-use crate::study::contention::{self, Contention};
+use crate::study::contention::Contention;
 use crate::study::counts::Ratio;
 use crate::study::published;
 use crate::study::traffic::Traffic;
@@ -65,19 +65,8 @@ pub fn csv(paper: &Paper) -> String {
             );
         }
     }
-    for contention in &paper.contention {
+    for contention in paper.contention.iter().chain(&paper.widths) {
         rows.contention(contention);
-    }
-    for width in &paper.widths {
-        let at = place(&width.conditions, width.nodes, contention::SMALLEST);
-        let Conditions { scene, octree, .. } = &width.conditions;
-        let mut row = |quantity: &str, found| {
-            let quantity = format!("{quantity} on a bus of {} bytes", width.bus_width);
-            rows.row("bus width", scene, *octree, &at, &quantity, found, None);
-        };
-        row("efficiency", width.efficiency);
-        row("utilisation", width.utilisation);
-        row("knee", width.knee);
     }
     rows.0
 }
@@ -130,19 +119,23 @@ impl Rows {
 
     fn contention(&mut self, contention: &Contention) {
         let Conditions { scene, octree, .. } = &contention.conditions;
-        for nodes in &contention.nodes {
-            let at = place(&contention.conditions, nodes.nodes, contention.local_memory);
-            let mut row = |quantity, found| self.row("contention", scene, *octree, &at, quantity, found, None);
-            row("cycles", nodes.cycles as f64);
-            row("speed_up", nodes.speed_up);
-            row("speed_up exponential", nodes.exponential.speed_up);
-            row("speed_up fixed", nodes.fixed.speed_up);
-            row("efficiency", nodes.efficiency);
-            row("efficiency exponential", nodes.exponential.efficiency);
-            row("efficiency fixed", nodes.fixed.efficiency);
-            row("utilisation", nodes.utilisation);
-            row("wait_mean_cycles", nodes.wait_mean_cycles);
-            row("wait_percentile_99_cycles", nodes.wait_percentile_99_cycles as f64);
+        let part = format!("contention on a bus of {} bytes", contention.bus.width);
+        for found in &contention.table.rows {
+            let at = place(&contention.conditions, found.nodes, contention.local_memory);
+            let mut row = |quantity, value| self.row(&part, scene, *octree, &at, quantity, value, None);
+            row("cycles", found.cycles as f64);
+            row("speed_up", found.speed_up);
+            row("efficiency", found.efficiency);
+            row("fixed_efficiency", found.fixed_efficiency);
+            row("exponential_efficiency", found.exponential_efficiency);
+            row("bus_utilisation", found.bus_utilisation);
+            row("fixed_utilisation", found.fixed_utilisation);
+            row("exponential_utilisation", found.exponential_utilisation);
+            row("wait_mean", found.wait_mean);
+            row("fixed_wait", found.fixed_wait);
+            row("exponential_wait", found.exponential_wait);
+            row("wait_percentile_99", found.wait_percentile_99 as f64);
+            row("knee", found.knee);
         }
     }
 }

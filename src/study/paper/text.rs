@@ -4,11 +4,11 @@ use std::fmt::Write;
 
 use super::{Figure1, GEARS, Paper, PaperScene, TEAPOT};
 use crate::study::conditions::octree;
-use crate::study::contention::{Contention, EFFICIENCY, SMALLEST, Width};
+use crate::study::contention::{Contention, SMALLEST};
 use crate::study::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
+use crate::study::published;
 use crate::study::table::{Table, grouped, percent};
 use crate::study::traffic::{Size, Traffic};
-use crate::study::{counts::Ratio, published};
 use crate::topology::{Arbiter, MemorySize, Transactions};
 
 /// Tables, each below what it shows and with which settings.
@@ -252,13 +252,13 @@ fn processors(out: &mut String, paper: &Paper) -> std::fmt::Result {
 
 /// Simulation and formula side by side.
 pub(in crate::study) fn contentions(out: &mut String, all: &[Contention]) -> std::fmt::Result {
-    let Some(Contention { processor, bus, formula_nodes, .. }) = all.first() else { return Ok(()) };
+    let Some(Contention { processor, bus, .. }) = all.first() else { return Ok(()) };
     writeln!(
         out,
-        "CONTENTION  Nodes that share a bus, in simulated cycles; tiles on demand, row by row. A processor takes {} cycles \
-         an octree\nnode, {} a primitive test, {} a shading, {} a record read; the bus moves {} bytes in {} cycles after \
-         {} of latency, {},\n{}. Formulae: closed networks with the mean times of {formula_nodes} nodes, service times \
-         exponential\n(exact mean value analysis) or all the same (M/D/1//N). A model, which changes no count.\n",
+        "CONTENTION  Nodes that share a bus, in simulated cycles; LRU, tiles on demand, row by row. A processor takes {} \
+         cycles an\noctree node, {} a primitive test, {} a shading, {} a record read; the bus moves {} bytes in {} cycles \
+         after {} of latency,\n{}, {}. Formulae: closed networks with the mean times of that\nsimulation, service times \
+         all the same (M/D/1//N) or exponential (mean value analysis).\n",
         processor.octree_node,
         processor.primitive_test,
         processor.shading,
@@ -267,8 +267,8 @@ pub(in crate::study) fn contentions(out: &mut String, all: &[Contention]) -> std
         bus.cycles_per_word,
         bus.latency,
         match bus.transactions {
-            Transactions::Locked => "locked meanwhile",
-            Transactions::Split => "split transactions",
+            Transactions::Locked => "held meanwhile",
+            Transactions::Split => "free meanwhile",
         },
         match bus.arbiter {
             Arbiter::Fifo => "first come, first served",
@@ -283,78 +283,75 @@ pub(in crate::study) fn contentions(out: &mut String, all: &[Contention]) -> std
 }
 
 fn contention_table(out: &mut String, contention: &Contention) -> std::fmt::Result {
-    let Contention { conditions, local_memory, knee, formula, .. } = contention;
+    let Contention { conditions, local_memory, table: found, .. } = contention;
     writeln!(out, "{}, lines of {}, local memory {local_memory}", conditions.subject(), conditions.line_bytes)?;
     let mut table = Table::new([
         "nodes",
         "p",
-        "cycles",
+        "1/p",
+        "N*",
         "speed-up",
-        "exponential",
-        "same",
         "efficiency",
+        "fixed",
         "exponential",
-        "same",
         "bus held",
+        "fixed",
         "exponential",
-        "same",
         "mean wait",
+        "fixed",
+        "exponential",
         "99 of 100",
     ]);
-    for row in &contention.nodes {
+    for row in &found.rows {
         table.row(vec![
             row.nodes.to_string(),
-            format!("{:.4}", row.misses_per_access),
-            grouped(row.cycles),
+            format!("{:.4}", row.misses_per_record_access),
+            format!("{:.1}", row.saturation),
+            format!("{:.1}", row.knee),
             format!("{:.2}", row.speed_up),
-            format!("{:.2}", row.exponential.speed_up),
-            format!("{:.2}", row.fixed.speed_up),
             percent(row.efficiency, 1),
-            percent(row.exponential.efficiency, 1),
-            percent(row.fixed.efficiency, 1),
-            percent(row.utilisation, 1),
-            percent(row.exponential.utilisation, 1),
-            percent(row.fixed.utilisation, 1),
-            format!("{:.1}", row.wait_mean_cycles),
-            row.wait_percentile_99_cycles.to_string(),
+            percent(row.fixed_efficiency, 1),
+            percent(row.exponential_efficiency, 1),
+            percent(row.bus_utilisation, 1),
+            percent(row.fixed_utilisation, 1),
+            percent(row.exponential_utilisation, 1),
+            format!("{:.1}", row.wait_mean),
+            format!("{:.1}", row.fixed_wait),
+            format!("{:.1}", row.exponential_wait),
+            row.wait_percentile_99.to_string(),
         ]);
     }
     let nodes = |nodes: Option<u16>| nodes.map_or_else(|| "none".to_owned(), |nodes| nodes.to_string());
     writeln!(
         out,
-        "{table}Between transactions {:.1} cycles, on the bus {:.1}: knee N* {knee:.1}; 1/p {:.1}. Nodes that compute {} of \
-         their time:\nat most {} of those simulated, {} by exponential, {} by fixed service.\n",
-        formula.think_cycles(),
-        formula.service_cycles,
-        contention.saturation().unwrap_or(f64::INFINITY),
-        percent(EFFICIENCY, 0),
-        nodes(contention.efficient_simulated),
-        nodes(contention.efficient_exponential),
-        nodes(contention.efficient_fixed)
+        "{table}Of these numbers the largest at 90% efficiency: {} simulated, {} by the formula for fixed service.\n",
+        nodes(found.largest_efficient),
+        nodes(found.largest_efficient_formula)
     )
 }
 
 fn widths(out: &mut String, paper: &Paper) -> std::fmt::Result {
     writeln!(
         out,
-        "BUS WIDTH  The paper's {} nodes at {}, simulated as above on other buses\n",
-        published::PROCESSORS,
-        SMALLEST
+        "BUS WIDTH  The paper's {} nodes at {SMALLEST}, simulated as above on other buses\n",
+        published::PROCESSORS
     )?;
     let mut table =
-        Table::new(["scene", "octree", "line", "bytes a cycle", "efficiency", "bus held", "knee N*", "nodes at 90%"]);
-    for width in &paper.widths {
-        let Width { conditions, bus_width, efficiency, utilisation, knee, efficient_fixed, .. } = width;
-        table.row(vec![
-            conditions.scene.clone(),
-            octree(conditions.octree),
-            conditions.line_bytes.to_string(),
-            bus_width.to_string(),
-            percent(*efficiency, 1),
-            percent(*utilisation, 1),
-            format!("{knee:.1}"),
-            efficient_fixed.map_or_else(|| "none".to_owned(), |nodes| nodes.to_string()),
-        ]);
+        Table::new(["scene", "octree", "line", "bus bytes", "speed-up", "efficiency", "fixed", "bus held", "N*"]);
+    for Contention { conditions, bus, table: found, .. } in &paper.widths {
+        for row in &found.rows {
+            table.row(vec![
+                conditions.scene.clone(),
+                octree(conditions.octree),
+                conditions.line_bytes.to_string(),
+                bus.width.to_string(),
+                format!("{:.1}", row.speed_up),
+                percent(row.efficiency, 1),
+                percent(row.fixed_efficiency, 1),
+                percent(row.bus_utilisation, 1),
+                format!("{:.1}", row.knee),
+            ]);
+        }
     }
     write!(out, "{table}")
 }
