@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::table::Format;
+use crate::cli::table::Format;
 use crate::cli::{Exit, Failure, json, print};
 use crate::processes::player::{self, Pace, PlayRequest};
 use crate::recording::references::Sidecar;
