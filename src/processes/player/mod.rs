@@ -26,6 +26,7 @@ use self::score::Score;
 use self::voice::{Due, Tally, Voice};
 use super::loader::Loader;
 use super::token;
+use crate::database::{Layout, Section};
 use crate::machine::transaction::{Initiator, Kind, Transaction};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::ConnectionError;
@@ -73,8 +74,8 @@ pub enum PlayError {
     Topology(#[from] SourceError),
     #[error(transparent)]
     Preparation(#[from] PreparationError),
-    #[error("the image has sections of {rebuilt:?} records, recorded were {recorded:?}: the scene or marti is another")]
-    OtherLayout { recorded: [u64; 8], rebuilt: [u64; 8] },
+    #[error("the image has {rebuilt} records of {section}, recorded were {recorded}: the scene or marti is another")]
+    OtherLayout { section: &'static str, recorded: u64, rebuilt: u64 },
     #[error("the image has SHA-256 {rebuilt}, recorded was {recorded}: the scene or marti is another")]
     OtherScene { recorded: String, rebuilt: String },
     #[error("the {bytes} bytes at {address} of the image are not those recorded: the scene or marti is another")]
@@ -113,10 +114,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let prepared = prepare_topology(&topology)?;
     let database = prepared.database.database();
     let image = database.bytes();
-    let (recorded, rebuilt) = (&log.metadata().layout, &database.header.layout);
-    if recorded != rebuilt {
-        return Err(PlayError::OtherLayout { recorded: recorded.clone().into(), rebuilt: rebuilt.clone().into() });
-    }
+    check_layout(&log.metadata().layout, &database.header.layout)?;
     check_hash(request.scene_sha256.as_deref(), image)?;
     let score = Score::read(log, image, topology.cluster.nodes, request.may_be_damaged)?;
 
@@ -138,6 +136,16 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
 fn open(request: &PlayRequest) -> Result<Reader, PlayError> {
     let folder = bus_log::folder(&request.recording);
     Ok(if request.may_be_damaged { Reader::salvage(&folder)? } else { Reader::open(&folder)? })
+}
+
+fn check_layout(recorded: &Layout, rebuilt: &Layout) -> Result<(), PlayError> {
+    for section in Section::ALL {
+        let (recorded, rebuilt) = (recorded.span(section).records, rebuilt.span(section).records);
+        if recorded != rebuilt {
+            return Err(PlayError::OtherLayout { section: section.name(), recorded, rebuilt });
+        }
+    }
+    Ok(())
 }
 
 fn check_hash(recorded: Option<&str>, image: &[u8]) -> Result<(), PlayError> {
