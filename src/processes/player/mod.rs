@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::{Duration, Instant};
 
@@ -199,29 +200,25 @@ fn say(
         Pace::Recorded => Due::Recorded { start, first_request: score.first_request },
         Pace::Fastest => Due::AtOnce,
     };
+    let stop = AtomicBool::new(false);
     thread::scope(|scope| {
-        // Nothing is ever sent: it closes when this thread stops handing out.
-        let (go_on, stop) = bounded(0);
         let mut queues = BTreeMap::new();
         let mut threads = Vec::new();
         for (speaker, voice) in voices {
             let (queue, rows): (Sender<Vec<Transaction>>, Receiver<_>) = bounded(QUEUE_MAX);
-            let stop = stop.clone();
+            let stop = &stop;
             let name = format!("{speaker:?}");
-            let thread =
-                thread::Builder::new().name(name).spawn_scoped(scope, move || voice.say_all(&rows, due, &stop));
+            let thread = thread::Builder::new().name(name).spawn_scoped(scope, move || voice.say_all(&rows, due, stop));
             threads.push(thread.map_err(|error| PlayError::System { what: "thread", error })?);
             queues.insert(speaker, queue);
         }
         let handed_out = hand_out(open(request)?, score, &queues);
         drop(queues);
         if !matches!(handed_out, Ok(true)) {
-            drop(go_on);
+            stop.store(true, Ordering::Relaxed);
             return join(threads).and(handed_out.map(|_| Tally::new()));
         }
-        let tally = join(threads);
-        drop(go_on);
-        tally
+        join(threads)
     })
 }
 
