@@ -86,7 +86,7 @@ impl Scan {
         let numbers = RecordNumbers::new(layout);
         let mut tests = 0;
         let (mut body, mut words) = (Vec::new(), Vec::new());
-        while let Some(frame) = frames.next().map_err(|error| error.to_string())? {
+        while let Some(frame) = frames.next_frame().map_err(|error| error.to_string())? {
             let at = |what: String| format!("byte {} (frame {}): {what}", frame.offset, frame.number);
             match (frame.number, frame.kind) {
                 (0, FrameKind::Schema) => self.check_schema(&frame, layout).map_err(at)?,
