@@ -60,7 +60,7 @@ csv, lines = sys.argv[1:]
 def counts(table):
     by = lambda column: dict(duckdb.sql(f"select coalesce({column}::varchar, 'none'), count(*) from {table} group by 1").fetchall())
     total = duckdb.sql(f"select count(*), sum((x + 1000 * y + 17 * record + tile) * 3 + address), sum(bytes) from {table}")
-    return [by("ray"), by("section"), by("level"), [int(value) for value in total.fetchone()]]
+    return [by("ray"), by("section"), by("level"), [int(value) for value in total.fetchall()[0]]]
 arrow = pyarrow.csv.read_csv(csv)
 print(json.dumps({
     "duckdb_csv": counts(f"read_csv('{csv}')"),
