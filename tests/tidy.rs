@@ -38,7 +38,7 @@ fn forbid(folder: &str, words: &[&str], but: &[&str], why: &str) {
 fn the_core_is_pure() {
     let impure =
         ["tokio", "mio::", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
-    for core in ["src/tracer", "src/oracle", "src/machine"] {
+    for core in ["src/tracer", "src/oracle", "src/machine", "src/replay/contention"] {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
         let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
         forbid(core, &outer, &[], "the core does not know who uses it");
@@ -48,7 +48,7 @@ fn the_core_is_pure() {
 
 #[test]
 fn no_process_imports_another() {
-    let processes = ["manager", "master", "node", "bus", "display"];
+    let processes = ["manager", "master", "node", "bus", "display", "player"];
     for process in processes {
         for other in processes.into_iter().filter(|other| *other != process) {
             let names = [format!("processes::{other}"), format!("super::super::{other}")];

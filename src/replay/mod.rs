@@ -4,6 +4,7 @@
 
 pub mod captured;
 pub mod contention;
+pub mod contention_table;
 pub mod count;
 pub mod curve;
 pub mod detail;
@@ -16,6 +17,7 @@ pub mod lines;
 pub mod live;
 pub mod miss_classes;
 pub mod next_use;
+pub mod node;
 pub mod optimal;
 pub mod origins;
 pub mod parallel;

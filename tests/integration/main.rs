@@ -6,6 +6,7 @@ mod command_line;
 mod exports;
 mod faults;
 mod frames;
+mod play;
 mod processes;
 mod recording;
 mod reference;

@@ -1,83 +1,117 @@
-//! Rows of a replay as text, JSON and CSV.
+//! Rows as text, JSON and CSV: whatever serialises to an object is a row, and its fields are the columns.
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
+use clap::ValueEnum;
+use serde::Serialize;
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
 use crate::cli::Failure;
-use crate::replay::evaluation::Row;
 
-/// A table for people: what is the same in all rows stands above it.
-pub(super) fn text(rows: &[Row]) -> Result<String, Failure> {
-    let objects = objects(rows)?;
-    let Some(first) = objects.first() else { return Ok(String::new()) };
-    let settings = SETTINGS.into_iter().filter(|column| first.contains_key(*column));
-    let (varied, same): (Vec<_>, Vec<_>) =
-        settings.partition(|&column| objects.iter().any(|row| row.get(column) != first.get(column)));
-    let mut out = String::new();
-    let same = same.iter().map(|&column| format!("{} {}", column.replace('_', " "), cell(column, &first[column])));
-    let _ = writeln!(out, "{}\n", same.collect::<Vec<_>>().join(", "));
-    let counted = |column: &&str| objects.iter().any(|row| row.get(*column).is_some_and(|value| !value.is_null()));
-    let columns: Vec<&str> = varied.into_iter().chain(COUNTS.into_iter().filter(counted)).collect();
-    let mut lines = vec![columns.iter().map(|column| (*column).replace('_', " ")).collect::<Vec<_>>()];
-    lines.extend(objects.iter().map(|row| columns.iter().map(|&column| cell(column, &row[column])).collect()));
-    let widths: Vec<usize> =
-        (0..columns.len()).map(|i| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0)).collect();
-    for line in lines {
-        let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
-        let _ = writeln!(out, "{}", cells.join("  ").trim_end());
-    }
-    for reason in reasons(rows) {
-        let _ = writeln!(out, "\napproximate: {reason}");
-    }
-    Ok(out)
+/// How a table is printed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub(super) enum Format {
+    Text,
+    Json,
+    Csv,
 }
 
-const SETTINGS: [&str; 10] = [
-    "local_memory",
-    "line",
-    "ways",
-    "replacement",
-    "nodes",
-    "clusters",
-    "tile_order",
-    "assignment",
-    "bus_width",
-    "arbiter",
-];
-const COUNTS: [&str; 16] = [
-    "local_bytes",
-    "record_accesses",
-    "misses",
-    "misses_per_record_access",
-    "words_read",
-    "words_moved",
-    "words_moved_per_word_read",
-    "compulsory_misses",
-    "capacity_misses",
-    "conflict_misses",
-    "cycles",
-    "efficiency",
-    "bus_utilisation",
-    "wait_mean",
-    "wait_percentile_99",
-    "exact",
-];
-
-fn reasons(rows: &[Row]) -> Vec<&str> {
-    let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
-    reasons.sort_unstable();
-    reasons.dedup();
-    reasons
+/// Rows of one kind.
+pub(super) struct Table {
+    /// As JSON.
+    json: String,
+    columns: Vec<String>,
+    /// A value a column.
+    rows: Vec<Vec<Value>>,
 }
 
-fn objects(rows: &[Row]) -> Result<Vec<serde_json::Map<String, Value>>, Failure> {
-    let object = |row: &Row| match serde_json::to_value(row) {
-        Ok(Value::Object(object)) => Ok(object),
-        Ok(_) => Err(Failure::failed("a row is no object".to_owned())),
-        Err(error) => Err(Failure::failed(error.to_string())),
-    };
-    rows.iter().map(object).collect()
+/// An object's fields in their own order.
+struct Fields(Vec<(String, Value)>);
+
+impl<'de> Deserialize<'de> for Fields {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct InOrder;
+        impl<'de> Visitor<'de> for InOrder {
+            type Value = Fields;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Fields, A::Error> {
+                let mut fields = Vec::new();
+                while let Some(field) = map.next_entry()? {
+                    fields.push(field);
+                }
+                Ok(Fields(fields))
+            }
+        }
+        deserializer.deserialize_map(InOrder)
+    }
+}
+
+impl Table {
+    pub(super) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
+        let failed = |error: serde_json::Error| Failure::failed(error.to_string());
+        let json = serde_json::to_string_pretty(rows).map_err(failed)? + "\n";
+        let fields: Vec<Fields> = serde_json::from_str(&json).map_err(failed)?;
+        let columns = fields.first().iter().flat_map(|row| row.0.iter().map(|field| field.0.clone())).collect();
+        let rows = fields.into_iter().map(|row| row.0.into_iter().map(|field| field.1).collect()).collect();
+        Ok(Self { json, columns, rows })
+    }
+
+    /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
+    pub(super) fn print(&self, format: Format, settings: &[&str]) -> String {
+        match format {
+            Format::Text => self.text(settings),
+            Format::Json => self.json.clone(),
+            Format::Csv => self.csv(),
+        }
+    }
+
+    fn text(&self, settings: &[&str]) -> String {
+        let Some(first) = self.rows.first() else { return String::new() };
+        let varies = |i: usize| self.rows.iter().any(|row| row[i] != first[i]);
+        let is_filled = |i: usize| self.rows.iter().any(|row| !row[i].is_null());
+        let (mut heading, mut columns) = (Vec::new(), Vec::new());
+        for (i, column) in self.columns.iter().enumerate() {
+            let is_setting = settings.contains(&column.as_str());
+            if is_setting && !varies(i) {
+                heading.push(format!("{} {}", column.replace('_', " "), cell(column, &first[i])));
+            } else if column != "reason" && (is_setting || is_filled(i)) {
+                columns.push(i);
+            }
+        }
+        let mut lines = vec![columns.iter().map(|&i| self.columns[i].replace('_', " ")).collect::<Vec<_>>()];
+        lines.extend(self.rows.iter().map(|row| columns.iter().map(|&i| cell(&self.columns[i], &row[i])).collect()));
+        let width = |i: usize| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns.len()).map(width).collect();
+        let mut out = String::new();
+        if !heading.is_empty() {
+            let _ = writeln!(out, "{}\n", heading.join(", "));
+        }
+        for line in &lines {
+            let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
+            let _ = writeln!(out, "{}", cells.join("  ").trim_end());
+        }
+        out
+    }
+
+    /// One line a row under one of names.
+    fn csv(&self) -> String {
+        let mut out = self.columns.join(",") + "\n";
+        for row in &self.rows {
+            let cells = row.iter().map(|value| match value {
+                Value::Null => String::new(),
+                Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
+                Value::String(text) => text.clone(),
+                value => value.to_string(),
+            });
+            out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+        }
+        out
+    }
 }
 
 fn cell(column: &str, value: &Value) -> String {
@@ -86,25 +120,42 @@ fn cell(column: &str, value: &Value) -> String {
         ("exact", Value::Bool(exact)) => if *exact { "exact" } else { "approximate" }.to_owned(),
         (_, Value::Null) => "-".to_owned(),
         (_, Value::String(text)) => text.clone(),
-        (_, Value::Number(number)) if number.is_f64() => format!("{:.6}", number.as_f64().unwrap_or_default()),
+        (_, Value::Number(number)) if number.is_f64() => {
+            let value = number.as_f64().unwrap_or_default();
+            if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.2}") }
+        }
         (_, value) => value.to_string(),
     }
 }
 
-/// One line a row under one of names.
-pub(super) fn csv(rows: &[Row]) -> Result<String, Failure> {
-    let objects = objects(rows)?;
-    let Some(first) = objects.first() else { return Ok(String::new()) };
-    let columns: Vec<&String> = first.keys().collect();
-    let mut out = columns.iter().map(|column| column.as_str()).collect::<Vec<_>>().join(",") + "\n";
-    for row in &objects {
-        let cells = columns.iter().map(|&column| match &row[column] {
-            Value::Null => String::new(),
-            Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Value::String(text) => text.clone(),
-            value => value.to_string(),
-        });
-        out += &(cells.collect::<Vec<_>>().join(",") + "\n");
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Serialize)]
+    struct Row {
+        line: u32,
+        nodes: u32,
+        misses: u64,
+        why: Option<&'static str>,
     }
-    Ok(out)
+
+    fn table() -> Table {
+        let row = |nodes, misses, why| Row { line: 64, nodes, misses, why };
+        Table::new(&[row(4, 100, None), row(16, 7, Some("a, \"b\""))]).expect("rows")
+    }
+
+    #[test]
+    fn what_is_the_same_stands_above_the_table() {
+        let text = table().print(Format::Text, &["line", "nodes"]);
+        assert_eq!(text, "line 64\n\nnodes  misses        why\n    4     100          -\n   16       7  a, \"b\"\n");
+    }
+
+    #[test]
+    fn csv_quotes_what_it_must() {
+        let csv = table().print(Format::Csv, &[]);
+        assert_eq!(csv, "line,nodes,misses,why\n64,4,100,\n64,16,7,\"a, \"\"b\"\"\"\n");
+        let json: Value = serde_json::from_str(&table().print(Format::Json, &[])).expect("JSON");
+        assert_eq!((json[1]["nodes"].as_u64(), json[0]["why"].is_null()), (Some(16), true));
+    }
 }
