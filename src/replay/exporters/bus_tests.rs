@@ -10,15 +10,14 @@ use crate::ids::{ClusterId, NodeId, TileId};
 use crate::machine::transaction::Kind;
 use crate::replay::contention::{Burst, ContentionSettings, Cycle, Observer, Transaction, simulate};
 use crate::replay::work::Step;
-use crate::topology::{Bus, Processor};
+use crate::topology::Bus;
 
 /// An address word, 2 cycles of latency, a word of data: 4 cycles each.
 ///
 /// Both nodes begin a tile at once. Node 0 asks for its job (cycles 0 to 4), computes 6 cycles, and fetches (10 to 14).
 /// Node 1 waits for its job (4 to 8), computes 3 cycles, and waits for its fetch from 11 on (14 to 18).
 fn simulated(observer: &mut impl Observer, step: impl Fn(Step)) {
-    let settings =
-        ContentionSettings { nodes: 2, processor: Processor::DEFAULT, bus: Bus { latency: 2, ..Bus::DEFAULT } };
+    let settings = ContentionSettings { nodes: 2, bus: Bus { latency: 2, ..Bus::DEFAULT } };
     let mut done = [0; 2];
     let mut workload = |node: NodeId, now: Cycle| {
         let tile = TileId(7 + u32::from(node.0));
@@ -102,8 +101,7 @@ fn chrome_by_hand() {
 fn long_silence_is_one_window_of_zero() {
     let trace = ChromeTrace::new(Vec::new(), 10);
     trace.cluster(ClusterId(0), 1);
-    let settings =
-        ContentionSettings { nodes: 1, processor: Processor::DEFAULT, bus: Bus { latency: 2, ..Bus::DEFAULT } };
+    let settings = ContentionSettings { nodes: 1, bus: Bus { latency: 2, ..Bus::DEFAULT } };
     let mut bursts = [1_000_000_008, 3].into_iter();
     let mut workload = |_, _| {
         let transaction = Some(Transaction { kind: Kind::Fetch, bytes: 4 });
