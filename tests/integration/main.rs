@@ -3,10 +3,12 @@
 mod bad_input;
 mod command;
 mod command_line;
+mod damaged_recordings;
 mod faults;
 mod frames;
 mod play;
 mod processes;
 mod recording;
 mod reference;
+mod references;
 mod same_image;
