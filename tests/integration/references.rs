@@ -148,18 +148,18 @@ fn a_run_that_lost_a_node_is_replayed_exactly() {
         "--record",
         "references",
         "--set",
-        "image.width=160",
+        "image.width=96",
         "--set",
-        "image.height=160",
+        "image.height=96",
         "--set",
-        "image.tile=[160, 80]",
+        "image.tile=[96, 48]",
         "--set",
         "cluster.nodes=2",
         "--set",
         "cluster.local_memory.size=4 KiB",
     ];
     let mut running = Running::start_with(2, &options);
-    running.wait_for(|name| name.starts_with("references-n"), 1 << 20);
+    running.wait_for(|name| name.starts_with("references-n"), 700 << 10);
     let bytes = |name: &str| fs::metadata(running.out.path().join("recording").join(name)).map_or(0, |file| file.len());
     let [first, second] = ["references-n000-e0.arrows", "references-n001-e0.arrows"];
     let longest = if bytes(first) > bytes(second) { first } else { second };
@@ -183,7 +183,7 @@ fn a_run_that_lost_a_node_is_replayed_exactly() {
     // What is simulated without the loss is what an undisturbed run counts.
     let out = tempfile::tempdir().expect("temporary folder");
     let undisturbed =
-        ["image.width=160", "image.height=160", "image.tile=[160, 80]", "cluster.local_memory.size=4 KiB"];
+        ["image.width=96", "image.height=96", "image.tile=[96, 48]", "cluster.local_memory.size=4 KiB"];
     let live = report_of(TEAPOT, out.path(), &[&undisturbed[..], &["run.assignment=interleaved"]].concat());
     assert_equal(&replay(running.out.path(), &["--assignment", "interleaved"])[0], &live, "undisturbed");
 }
