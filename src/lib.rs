@@ -23,6 +23,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod scene;
+pub mod study;
 pub mod telemetry;
 pub mod tile_order;
 pub mod topology;

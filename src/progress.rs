@@ -69,6 +69,41 @@ impl Progress {
     }
 }
 
+/// Steps of unequal length, told as they are begun.
+pub struct Steps {
+    quiet: bool,
+    bar: Option<ProgressBar>,
+}
+
+impl Steps {
+    pub fn new(quiet: bool, steps: u32) -> Self {
+        let bar = (!quiet && stderr().is_terminal()).then(|| {
+            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} {msg}");
+            ProgressBar::new(u64::from(steps)).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        });
+        Self { quiet, bar }
+    }
+
+    pub fn begin(&self, what: &str) {
+        match &self.bar {
+            Some(bar) => {
+                bar.inc(1);
+                bar.set_message(what.to_owned());
+            }
+            // Nobody is left to be told that standard error is closed.
+            None if !self.quiet => drop(writeln!(stderr(), "{what}")),
+            None => {}
+        }
+    }
+
+    /// Leaves a terminal as if there had been no bar.
+    pub fn clear(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 impl Status {
     fn print_line(&self) {
         // Nobody is left to be told that standard error is closed.

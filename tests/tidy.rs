@@ -38,7 +38,7 @@ fn forbid(folder: &str, words: &[&str], but: &[&str], why: &str) {
 fn the_core_is_pure() {
     let impure =
         ["tokio", "mio::", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
-    for core in ["src/tracer", "src/oracle", "src/machine"] {
+    for core in ["src/tracer", "src/oracle", "src/machine", "src/replay/contention"] {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
         let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
         forbid(core, &outer, &[], "the core does not know who uses it");

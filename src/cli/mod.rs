@@ -3,13 +3,17 @@
 
 pub mod check;
 pub mod failure;
+mod grid_options;
 pub mod inspect;
+mod lists;
 pub mod options;
 pub mod render;
 pub mod replay;
 pub mod run;
 pub mod scene;
 pub mod schema;
+pub mod study;
+mod table;
 pub mod verify;
 mod watertight;
 
@@ -36,6 +40,7 @@ enum Command {
     Check(check::CheckArguments),
     Replay(Box<replay::ReplayArguments>),
     Verify(verify::VerifyArguments),
+    Study(study::StudyArguments),
     Schema(schema::SchemaArguments),
 }
 
@@ -51,6 +56,7 @@ impl Arguments {
             Command::Check(arguments) => check::check(arguments),
             Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
+            Command::Study(arguments) => study::study(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
         }
     }

@@ -4,6 +4,7 @@ mod bad_input;
 mod command;
 mod command_line;
 mod damaged_recordings;
+mod exports;
 mod faults;
 mod frames;
 mod play;

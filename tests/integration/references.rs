@@ -182,8 +182,7 @@ fn a_run_that_lost_a_node_is_replayed_exactly() {
     assert_eq!(sidecar["files"].as_array().map(Vec::len), Some(3), "a file each process: {}", sidecar["files"]);
     // What is simulated without the loss is what an undisturbed run counts.
     let out = tempfile::tempdir().expect("temporary folder");
-    let undisturbed =
-        ["image.width=96", "image.height=96", "image.tile=[96, 48]", "cluster.local_memory.size=4 KiB"];
+    let undisturbed = ["image.width=96", "image.height=96", "image.tile=[96, 48]", "cluster.local_memory.size=4 KiB"];
     let live = report_of(TEAPOT, out.path(), &[&undisturbed[..], &["run.assignment=interleaved"]].concat());
     assert_equal(&replay(running.out.path(), &["--assignment", "interleaved"])[0], &live, "undisturbed");
 }

@@ -249,13 +249,16 @@ impl Opened {
             }
         }
         if odd > 0 {
-            self.faults
-                .push(format!("{} that are there already, or are not of the image, count for nothing", tile_count(odd)));
+            self.faults.push(format!(
+                "{} that are there already, or are not of the image, count for nothing",
+                tile_count(odd)
+            ));
         }
         let found = seen.iter().filter(|seen| **seen).count() as u32;
         let expected = tiles.saturating_sub(sidecar.tiles_missing);
         if found != expected {
-            self.faults.push(format!("{} can be used, expected {expected} by {SIDECAR_NAME}", tile_count(found as usize)));
+            self.faults
+                .push(format!("{} can be used, expected {expected} by {SIDECAR_NAME}", tile_count(found as usize)));
         }
     }
 }

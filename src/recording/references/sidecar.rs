@@ -85,7 +85,7 @@ impl Sidecar {
     ///
     /// # Errors
     /// It is not there, or nothing can be made of it.
-    pub(super) fn read(folder: &Path) -> Result<(Self, Option<String>), String> {
+    pub fn read(folder: &Path) -> Result<(Self, Option<String>), String> {
         let mut text = Vec::new();
         let file = open_regular(&folder.join(SIDECAR_NAME)).map_err(|error| error.to_string())?;
         file.take(BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| error.to_string())?;

@@ -1,0 +1,45 @@
+//! A small scene for tests: the gears at 40×40 pixels.
+
+use super::traced::{Run, Traced};
+use crate::preparation::{self, Fallback, Prepared};
+use crate::replay::Captured;
+use crate::replay::setting::{Assignment, Policy, Setting};
+use crate::topology::{Arbiter, Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
+use crate::tracer::Tiling;
+use crate::tracer::view::ImageSettings;
+
+pub(super) const TILING: Tiling = Tiling { width: 40, height: 40, tile_width: 5, tile_height: 5 };
+
+pub(super) fn gears() -> (Prepared, Traced<Captured>) {
+    let source: SceneSource = "gears:1".parse().expect("a procedural scene");
+    let octree = Octree { leaf_size: 8, max_depth: 6, mailbox: true };
+    let image = ImageSettings { width: TILING.width, height: TILING.height, depth: 2, cutoff: 0.0 };
+    let prepared = preparation::prepare(&source, octree, &Fallback::default(), |_| Ok(image)).expect("a scene");
+    let captured = Captured::capture(&prepared.database, &prepared.view, TILING, octree.mailbox, 1);
+    let run = Run {
+        scene: source.to_string(),
+        octree,
+        tiling: TILING,
+        seed: 1,
+        processor: Processor::DEFAULT,
+        bus: Bus::DEFAULT,
+    };
+    let traced = Traced::of(run, &prepared, captured).expect("in memory");
+    (prepared, traced)
+}
+
+/// An eighth of the database, lines of 64.
+pub(super) fn setting(nodes: u16) -> Setting {
+    Setting {
+        local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
+        line: 64,
+        ways: None,
+        replacement: Policy::Lru,
+        nodes,
+        clusters: 1,
+        tile_order: TileOrder::Scanline,
+        assignment: Assignment::Interleaved,
+        bus_width: Bus::DEFAULT.width,
+        arbiter: Arbiter::Fifo,
+    }
+}
