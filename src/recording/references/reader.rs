@@ -125,6 +125,14 @@ pub(super) fn open_regular(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
+fn tile_count(tiles: usize) -> String {
+    match tiles {
+        0 => "no tiles".to_owned(),
+        1 => "1 tile".to_owned(),
+        _ => format!("{tiles} tiles"),
+    }
+}
+
 /// What a folder without a sidecar that can be understood is.
 fn without_sidecar(folder: &Path) -> String {
     match Recording::file_names(folder).map_or(0, |names| names.len()) {
@@ -194,15 +202,17 @@ impl Opened {
     fn take(&mut self, scan: Scan, expected: &super::FileFacts) {
         let whole = scan.tiles.iter().filter(|tile| tile.whole).count();
         if let Some(fault) = &scan.fault {
-            self.faults.push(format!("{fault}: the {whole} tiles before it can be used"));
+            self.faults.push(format!("{fault}: {} before that can be used", tile_count(whole)));
         } else if scan.facts != *expected {
             self.faults.push(format!(
-                "{}: {} bytes with crc32c {:#010x}, expected {} bytes with {:#010x}: the {whole} tiles in it are whole",
+                "{}: {} bytes with crc32c {:#010x}, expected {} bytes with {:#010x}: it was cut between frames, or is of \
+                 another run; {} in it can be used",
                 scan.path.display(),
                 scan.facts.bytes,
                 scan.facts.crc32c,
                 expected.bytes,
-                expected.crc32c
+                expected.crc32c,
+                tile_count(whole)
             ));
         }
         let Recording { files, parts, tiles, lost, references, .. } = &mut self.recording;
@@ -228,7 +238,7 @@ impl Opened {
     fn check_tiles(&mut self, sidecar: &Sidecar) {
         let tiles = sidecar.tiling.tile_count();
         let mut seen = vec![false; tiles as usize];
-        let mut odd = 0u64;
+        let mut odd = 0;
         for tile in self.recording.tiles.iter_mut().filter(|tile| tile.accepted) {
             match seen.get_mut(tile.tile.0 as usize) {
                 Some(seen) if !*seen => *seen = true,
@@ -239,13 +249,16 @@ impl Opened {
             }
         }
         if odd > 0 {
-            self.faults
-                .push(format!("{odd} tiles are there twice, or are no tiles of the image: they count for nothing"));
+            self.faults.push(format!(
+                "{} that are there already, or are not of the image, count for nothing",
+                tile_count(odd)
+            ));
         }
         let found = seen.iter().filter(|seen| **seen).count() as u32;
         let expected = tiles.saturating_sub(sidecar.tiles_missing);
         if found != expected {
-            self.faults.push(format!("the references of {found} tiles are whole, expected {expected}"));
+            self.faults
+                .push(format!("{} can be used, expected {expected} by {SIDECAR_NAME}", tile_count(found as usize)));
         }
     }
 }

@@ -195,7 +195,7 @@ impl Scan {
 /// Length and checksum of a file.
 pub(super) fn facts(path: &Path, file: &File) -> std::io::Result<FileFacts> {
     let bytes = ReadAt::bytes(file)?;
-    let mut block = vec![0; 1 << 18];
+    let mut block = vec![0; bytes.min(1 << 18) as usize];
     let (mut crc32c, mut at) = (0, 0);
     while at < bytes {
         let length = (bytes - at).min(block.len() as u64) as usize;
