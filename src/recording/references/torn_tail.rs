@@ -37,7 +37,7 @@ fn cut(path: &Path) -> io::Result<()> {
 fn sound_bytes(file: &File) -> io::Result<Option<u64>> {
     let mut frames = Frames::new(file, LIMITS).map_err(io::Error::other)?;
     loop {
-        match frames.next() {
+        match frames.next_frame() {
             Ok(Some(_)) => {}
             Ok(None) => return Ok((frames.offset() == 0).then_some(0)),
             Err(error) if matches!(error.fault, FrameFault::Cut { .. }) => return Ok(Some(frames.offset())),
