@@ -92,7 +92,7 @@ impl Folders<'_> {
 fn frames(bytes: &[u8]) -> Vec<Frame> {
     let limits = FrameLimits { metadata_bytes: 1 << 20, body_bytes: 1 << 20 };
     let mut frames = Frames::new(bytes, limits).expect("a length");
-    std::iter::from_fn(|| frames.next().expect("sound")).collect()
+    std::iter::from_fn(|| frames.next_frame().expect("sound")).collect()
 }
 
 fn find(bytes: &[u8], what: &[u8]) -> usize {
