@@ -38,7 +38,7 @@ fn forbid(folder: &str, words: &[&str], but: &[&str], why: &str) {
 fn the_core_is_pure() {
     let impure =
         ["tokio", "mio::", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
-    for core in ["src/tracer", "src/oracle", "src/machine"] {
+    for core in ["src/tracer", "src/oracle", "src/machine", "src/replay/contention"] {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
         let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
         forbid(core, &outer, &[], "the core does not know who uses it");
@@ -47,8 +47,14 @@ fn the_core_is_pure() {
 }
 
 #[test]
+fn studies_replay_and_start_nothing() {
+    let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
+    forbid("src/study", &outer, &[], "a study is a function of its scenes");
+}
+
+#[test]
 fn no_process_imports_another() {
-    let processes = ["manager", "master", "node", "bus", "display"];
+    let processes = ["manager", "master", "node", "bus", "display", "player"];
     for process in processes {
         for other in processes.into_iter().filter(|other| *other != process) {
             let names = [format!("processes::{other}"), format!("super::super::{other}")];
@@ -64,6 +70,7 @@ fn each_foreign_thing_has_its_place() {
     forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
     forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
     forbid("src", &["toml::"], &["src/topology"], "only topologies are TOML");
+    forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
     forbid("src", &["mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
 }
 

@@ -8,8 +8,9 @@ use clap::{Args, Subcommand};
 
 use serde::Serialize;
 
+use super::replay::SETTINGS;
+use super::replay::grid_options::GridOptions;
 use super::replay::table::{Format, Table};
-use super::replay::{GridOptions, SETTINGS};
 use super::{Failure, json, print};
 use crate::atomic_file;
 use crate::progress::Steps;
@@ -83,7 +84,7 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
     let found = Paper::study(|what| steps.begin(what));
     steps.clear();
     let paper = found.map_err(|error| Failure::failed(error.to_string()))?;
-    output.write(&paper, || Ok(paper::page(&paper)))?;
+    output.write(&paper, || paper::page(&paper))?;
     print(&match output.format {
         Format::Text => paper::text(&paper),
         Format::Json => json(&paper)?,
@@ -92,31 +93,32 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
 }
 
 fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
-    let SweepArguments { output, grid, timings, .. } = arguments;
+    let SweepArguments { output, grid, .. } = arguments;
+    let timings = arguments.timings || grid.varies_bus();
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
     let steps = Steps::new(output.quiet, sweep::STEPS);
-    let found = Sweep::study(&topology, &grid.grid(), *timings, |what| steps.begin(what));
+    let found = Sweep::study(&topology, &grid.grid(), timings, |what| steps.begin(what));
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
     let table = Table::new(&sweep.rows)?;
-    let text = || Ok::<_, Failure>(format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS)?));
-    output.write(&sweep, || Ok(sweep::page(&sweep, text()?)))?;
+    let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
+    output.write(&sweep, || sweep::page(&sweep, text()))?;
     print(&match output.format {
-        Format::Text => text()?,
+        Format::Text => text(),
         Format::Json => json(&sweep)?,
-        Format::Csv => table.print(Format::Csv, &SETTINGS)?,
+        Format::Csv => table.print(Format::Csv, &SETTINGS),
     })
 }
 
 impl StudyOutput {
     /// Into the folder, if there is to be one.
-    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Result<Page, Failure>) -> Result<(), Failure> {
+    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Page) -> Result<(), Failure> {
         let Some(folder) = &self.out else { return Ok(()) };
         let failed = |error: io::Error| Failure::failed(error.to_string());
         fs::create_dir_all(folder).map_err(|error| Failure::failed(format!("{}: {error}", folder.display())))?;
         let json = json(study)?;
         atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
-        let html = page()?.to_string();
+        let html = page().to_string();
         atomic_file::write(&folder.join("study.html"), |file| file.write_all(html.as_bytes())).map_err(failed)
     }
 }

@@ -1,13 +1,16 @@
 //! The five kinds of process. Each is an async shell around a synchronous state; none imports another,
-//! they share meaning through [`crate::protocol`] alone.
+//! they share meaning through [`crate::protocol`] alone. The player stands in for three of them before a bus.
 
 pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+mod loader;
 pub mod manager;
 pub mod master;
 pub mod node;
+pub mod player;
+pub mod token;
 
 pub use bootstrap::{Child, StartError};
 pub use control_link::ControlLink;

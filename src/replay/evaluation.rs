@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
-use super::count::{Replayer, Sum, Totals};
+use super::count::{Sum, Totals};
 use super::curve::{LruCurve, curve};
 use super::miss_classes::{MissClasses, classify};
+use super::node::replay_node;
 use super::optimal::optimal;
 use super::schedule::Schedule;
 use super::setting::{Assignment, Policy, Setting};
@@ -13,7 +14,6 @@ use super::timing::{Timing, simulate_setting};
 use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::Word;
-use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
 
 /// A row of a replay's table.
 #[derive(Clone, PartialEq, Debug, Serialize)]
@@ -243,38 +243,16 @@ fn count<S: Subject>(
     policy: Policy,
     geometry: Geometry,
 ) -> Result<Totals, TraceError> {
-    match policy {
-        Policy::Lru => through::<Lru, _>(subject, processes, geometry),
-        Policy::Fifo => through::<Fifo, _>(subject, processes, geometry),
-        Policy::Clock => through::<Clock, _>(subject, processes, geometry),
-        Policy::Random => through::<Random, _>(subject, processes, geometry),
-        Policy::Optimal => {
-            let lines = subject.lines(geometry.line_bytes);
-            let mut totals = Totals::default();
-            for tiles in processes {
-                optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
-            }
-            Ok(totals)
+    if policy == Policy::Optimal {
+        let lines = subject.lines(geometry.line_bytes);
+        let mut totals = Totals::default();
+        for tiles in processes {
+            optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
         }
+        return Ok(totals);
     }
-}
-
-fn through<R: Replacement, S: Subject>(
-    subject: &S,
-    processes: &[Vec<u32>],
-    geometry: Geometry,
-) -> Result<Totals, TraceError> {
-    let lines = subject.lines(geometry.line_bytes);
-    let mut replayer = Replayer::<R, _>::new(&lines, geometry, subject.seed());
     let mut sum = Sum::new(subject);
-    for (epoch, tiles) in processes.iter().enumerate() {
-        if epoch > 0 {
-            replayer.clear();
-        }
-        for &tile in tiles {
-            replayer.tile(subject, tile, &mut sum)?;
-        }
-    }
+    replay_node(subject, processes, policy, geometry, &mut sum)?;
     Ok(sum.finish())
 }
 

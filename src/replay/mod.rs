@@ -17,6 +17,7 @@ pub mod lines;
 pub mod live;
 pub mod miss_classes;
 pub mod next_use;
+pub mod node;
 pub mod optimal;
 pub mod origins;
 pub mod parallel;

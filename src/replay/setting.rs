@@ -80,6 +80,23 @@ impl Setting {
         }
     }
 
+    /// For a trace that came from elsewhere: one node with an eighth of what it referenced, lines of 64 bytes.
+    pub fn imported() -> Self {
+        let bus = topology::Bus::DEFAULT;
+        Self {
+            local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
+            line: 64,
+            ways: None,
+            replacement: Policy::Lru,
+            nodes: 1,
+            clusters: 1,
+            tile_order: TileOrder::Scanline,
+            assignment: Assignment::Recorded,
+            bus_width: bus.width,
+            arbiter: bus.arbiter,
+        }
+    }
+
     /// The topology's words for its local memory; [`Policy::Optimal`] has none, and LRU stands for it.
     pub fn memory(&self) -> topology::LocalMemory {
         let replacement = match self.replacement {

@@ -1,12 +1,13 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
 use super::contention::ReadCycles;
+use super::importers::{Imported, TableLines};
 use super::{Lines, RecordLines, Trace};
 use crate::database::Section;
 use crate::ids::TileId;
 use crate::recording::references::Recording;
 use crate::tile_order;
-use crate::topology::{Bus, TileOrder};
+use crate::topology::{Bus, Processor, TileOrder};
 
 /// A trace, and what simulations must know besides.
 pub trait Subject: Trace {
@@ -85,5 +86,47 @@ impl Subject for Recording {
 
     fn bus(&self) -> Bus {
         self.topology.cluster.bus
+    }
+}
+
+/// One stream of one node. Nothing is known of what was read: a record is a word, and a read costs its access.
+impl Subject for Imported {
+    type Lines = TableLines;
+
+    fn lines(&self, line_bytes: u32) -> TableLines {
+        self.lines(line_bytes)
+    }
+
+    fn image_bytes(&self) -> u64 {
+        self.image_bytes()
+    }
+
+    #[inline(always)]
+    fn kind(&self, _record: u32) -> usize {
+        0
+    }
+
+    fn record_words(&self) -> Vec<u32> {
+        vec![1]
+    }
+
+    fn read_cycles(&self) -> Vec<u32> {
+        vec![Processor::DEFAULT.local_access]
+    }
+
+    fn pixels(&self, _tile: u32) -> u32 {
+        0
+    }
+
+    fn ordered(&self, _order: TileOrder) -> Vec<Option<u32>> {
+        vec![Some(0)]
+    }
+
+    fn seed(&self) -> u64 {
+        1
+    }
+
+    fn bus(&self) -> Bus {
+        Bus::DEFAULT
     }
 }

@@ -10,7 +10,7 @@ use super::count::Totals;
 use super::evaluation::schedule;
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
-use super::work::{RecordedWork, TileSpan, Tiles};
+use super::work::{RecordedWork, Step, Tiles};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
 use crate::topology::{Bus, Processor};
@@ -52,7 +52,7 @@ pub fn simulate_setting<S: Subject>(
     Ok((Timing::of(&outcomes), totals))
 }
 
-/// Simulates one cluster's bus; `observer` and `on_tile` are told of every step.
+/// Simulates one cluster's bus; `observer` and `on_step` are told of every step.
 ///
 /// # Errors
 /// As for [`simulate_setting`].
@@ -62,13 +62,13 @@ pub fn simulate_cluster<S: Subject>(
     geometry: Geometry,
     cluster: u16,
     observer: &mut impl Observer,
-    on_tile: impl FnMut(TileSpan),
+    on_step: impl FnMut(Step),
 ) -> Result<(Outcome, Totals), TraceError> {
     match setting.replacement {
-        Policy::Lru => through::<Lru, _>(subject, setting, geometry, cluster, observer, on_tile),
-        Policy::Fifo => through::<Fifo, _>(subject, setting, geometry, cluster, observer, on_tile),
-        Policy::Clock => through::<Clock, _>(subject, setting, geometry, cluster, observer, on_tile),
-        Policy::Random => through::<Random, _>(subject, setting, geometry, cluster, observer, on_tile),
+        Policy::Lru => through::<Lru, _>(subject, setting, geometry, cluster, observer, on_step),
+        Policy::Fifo => through::<Fifo, _>(subject, setting, geometry, cluster, observer, on_step),
+        Policy::Clock => through::<Clock, _>(subject, setting, geometry, cluster, observer, on_step),
+        Policy::Random => through::<Random, _>(subject, setting, geometry, cluster, observer, on_step),
         Policy::Optimal => Err(TraceError(
             "optimal replacement has no times: it must know beforehand what a node will read".to_owned(),
         )),
@@ -81,7 +81,7 @@ fn through<R: Replacement, S: Subject>(
     geometry: Geometry,
     cluster: u16,
     observer: &mut impl Observer,
-    on_tile: impl FnMut(TileSpan),
+    on_step: impl FnMut(Step),
 ) -> Result<(Outcome, Totals), TraceError> {
     let lines = subject.lines(geometry.line_bytes);
     let (cluster, nodes) = (usize::from(cluster), usize::from(setting.nodes));
@@ -96,7 +96,7 @@ fn through<R: Replacement, S: Subject>(
             Tiles::Assigned(all.into_iter().skip(cluster * nodes).take(nodes).collect())
         }
     };
-    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_tile);
+    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_step);
     let bus = Bus { width: setting.bus_width, arbiter: setting.arbiter, ..subject.bus() };
     let settings = ContentionSettings { nodes: setting.nodes, processor: Processor::DEFAULT, bus };
     let outcome = simulate(&settings, &mut work, observer)?;

@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::contention::{Burst, Cycle, Transaction, Workload};
 use super::count::{Replayer, Sum, Totals};
 use super::subject::Subject;
-use super::{Tally, TraceError};
-use crate::ids::NodeId;
+use super::{Lines, Tally, TraceError};
+use crate::ids::{NodeId, TileId};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::Replacement;
 use crate::machine::transaction::Kind;
@@ -23,24 +23,26 @@ pub enum Tiles {
     Assigned(Vec<Vec<Vec<u32>>>),
 }
 
-/// A tile's beginning and end, as simulated time comes to them.
+/// What a node does, as simulated time comes to it, that the bus does not see.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct TileSpan {
-    pub node: NodeId,
-    /// Index in the trace.
-    pub tile: u32,
-    pub from: Cycle,
-    pub until: Cycle,
+pub enum Step {
+    /// Before it asks for what belongs to the tile.
+    TileBegins { node: NodeId, tile: TileId, now: Cycle },
+    /// Before it asks for a record that it lacks: the first byte of the record's first line.
+    Lacks { node: NodeId, address: u64 },
+    /// After all that belongs to the tile but the message that it is done.
+    TileEnds { node: NodeId, tile: TileId, now: Cycle },
 }
 
 /// Nodes with local memories, each taking tiles, reading what their rays read, and waiting for what is missing.
 pub struct RecordedWork<'a, S: Subject, R, F> {
     subject: &'a S,
+    lines: &'a S::Lines,
     tiles: Queue,
     nodes: Vec<Node<'a, S, R>>,
     line_bytes: u32,
-    /// Called at the end of each tile.
-    on_tile: F,
+    /// Told of each step.
+    on_step: F,
 }
 
 enum Queue {
@@ -54,7 +56,6 @@ struct Node<'a, S: Subject, R> {
     tally: Cost<'a, S>,
     doing: Doing,
     tile: u32,
-    began: Cycle,
     /// Parts of the tile that were not read yet.
     parts: Range<u32>,
     /// Words of the current part, and how many of them are done.
@@ -70,16 +71,15 @@ enum Doing {
     Ending,
 }
 
-impl<'a, S: Subject, R: Replacement, F: FnMut(TileSpan)> RecordedWork<'a, S, R, F> {
-    /// `nodes` of them with such memories; of assigned tiles there is a list a node. `on_tile` is called at the end of
-    /// each tile.
-    pub fn new(subject: &'a S, lines: &'a S::Lines, geometry: Geometry, tiles: Tiles, nodes: u16, on_tile: F) -> Self {
+impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
+    /// `nodes` of them with such memories; of assigned tiles there is a list a node. `on_step` is told of
+    /// each step.
+    pub fn new(subject: &'a S, lines: &'a S::Lines, geometry: Geometry, tiles: Tiles, nodes: u16, on_step: F) -> Self {
         let node = |_| Node {
             memory: Replayer::new(lines, geometry, subject.seed()),
             tally: Cost { subject, by_kind: subject.read_cycles(), cycles: 0, sum: Sum::new(subject) },
             doing: Doing::Nothing,
             tile: 0,
-            began: 0,
             parts: 0..0,
             words: Vec::new(),
             done: 0,
@@ -89,7 +89,7 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(TileSpan)> RecordedWork<'a, S, R, 
             Tiles::Assigned(nodes) => Queue::Assigned(nodes.into_iter().map(one_after_the_other).collect()),
         };
         let line_bytes = geometry.line_bytes;
-        Self { subject, tiles, nodes: (0..nodes).map(node).collect(), line_bytes, on_tile }
+        Self { subject, lines, tiles, nodes: (0..nodes).map(node).collect(), line_bytes, on_step }
     }
 
     /// What all nodes counted in accepted tiles.
@@ -114,10 +114,11 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(TileSpan)> RecordedWork<'a, S, R, 
             node.memory.clear();
         }
         node.parts = self.subject.tiles()[tile as usize].parts.clone();
-        (node.tile, node.began, node.doing) = (tile, now, Doing::Tracing);
+        (node.tile, node.doing) = (tile, Doing::Tracing);
         node.words.clear();
         node.done = 0;
         node.tally.tile(tile);
+        (self.on_step)(Step::TileBegins { node: id, tile: self.subject.tiles()[tile as usize].tile, now });
         Some(message(0, Kind::Job, JOB_BYTES))
     }
 
@@ -128,6 +129,9 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(TileSpan)> RecordedWork<'a, S, R, 
             let (done, missing) = node.memory.until_miss(&node.words[node.done..], &mut node.tally)?;
             node.done += done;
             if missing > 0 {
+                let (first, _) = self.lines.of(node.words[node.done - 1]);
+                let address = u64::from(first) * u64::from(self.line_bytes);
+                (self.on_step)(Step::Lacks { node: id, address });
                 let transaction = Transaction { kind: Kind::Fetch, bytes: missing * self.line_bytes };
                 return Ok(Burst { compute_cycles: node.tally.take(), transaction: Some(transaction) });
             }
@@ -143,11 +147,11 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(TileSpan)> RecordedWork<'a, S, R, 
     fn end(&mut self, id: NodeId, now: Cycle) {
         let node = &mut self.nodes[usize::from(id.0)];
         node.doing = Doing::Nothing;
-        (self.on_tile)(TileSpan { node: id, tile: node.tile, from: node.began, until: now });
+        (self.on_step)(Step::TileEnds { node: id, tile: self.subject.tiles()[node.tile as usize].tile, now });
     }
 }
 
-impl<S: Subject, R: Replacement, F: FnMut(TileSpan)> Workload for RecordedWork<'_, S, R, F> {
+impl<S: Subject, R: Replacement, F: FnMut(Step)> Workload for RecordedWork<'_, S, R, F> {
     type Error = TraceError;
 
     fn next(&mut self, id: NodeId, now: Cycle) -> Result<Option<Burst>, TraceError> {

@@ -3,8 +3,10 @@
 mod bad_input;
 mod command;
 mod command_line;
+mod exports;
 mod faults;
 mod frames;
+mod play;
 mod processes;
 mod recording;
 mod reference;

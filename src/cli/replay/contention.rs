@@ -26,7 +26,7 @@ pub(super) fn print_contention<S: Subject>(
     if format == Format::Json {
         return print(&json(&table)?);
     }
-    print(&Table::new(&table.rows)?.print(format, &[])?)?;
+    print(&Table::new(&table.rows)?.print(format, &[]))?;
     if format == Format::Text {
         let number = |nodes: Option<u16>| nodes.map_or("none of these".to_owned(), |nodes| nodes.to_string());
         print(&format!(

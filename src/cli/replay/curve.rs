@@ -50,7 +50,7 @@ pub(super) fn print_curves<S: Subject>(
             curves_of(subject, setting, format, is_verified, &mut rows)?;
         }
     }
-    print(&Table::new(&rows)?.print(format, &["line", "nodes"])?)
+    print(&Table::new(&rows)?.print(format, &["line", "nodes"]))
 }
 
 fn curves_of<S: Subject>(

@@ -1,33 +1,65 @@
-//! `marti replay RECORDING`
+//! `marti replay RECORDING`: one file a question that it answers.
 
 mod contention;
 mod curve;
+mod export;
+pub(super) mod grid_options;
 mod lists;
+mod origins;
 pub(super) mod table;
+mod to_bus;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use self::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount};
+use self::export::Export;
+use self::grid_options::GridOptions;
+use self::origins::HeatMap;
 use self::table::{Format, Table};
+use self::to_bus::ToBus;
 use super::{Failure, print};
 use crate::recording::references::{Opened, Recording};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
-use crate::replay::grid::Grid;
-use crate::replay::setting::{ArbiterName, Assignment, Policy, Setting};
-use crate::topology::TileOrder;
+use crate::replay::importers::{self, Imported};
+use crate::replay::setting::Setting;
+use crate::replay::subject::Subject;
 
 /// Put recorded references through other memories, node counts and buses
 ///
-/// Each option takes a list such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4; every combination is
-/// simulated. What is not given stays as recorded.
+/// Options of what is varied take a list such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4; every combination
+/// is simulated. What is not given stays as recorded.
 #[derive(Clone, Debug, Args)]
 pub struct ReplayArguments {
-    /// Folder of a run with `--record references`
+    /// Folder of a run with `--record references`; or a trace of others: a file ending in .din, .csv or .oracleGeneral
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
+    #[command(flatten)]
+    question: Question,
+    #[command(flatten)]
+    to_bus: ToBus,
+    /// How tables are printed
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// The file for what is exported or drawn
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Replay what is whole of a damaged recording
+    #[arg(long)]
+    partial: bool,
+}
+
+/// What is to be answered; without any, a table of counts.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "What is asked")]
+struct Question {
+    /// Also divide misses into compulsory, capacity and conflict misses
+    #[arg(long)]
+    classes: bool,
+    /// Also simulate the buses, in cycles of the recorded cost model
+    #[arg(long)]
+    timings: bool,
     /// Print the exact misses of LRU memories of all sizes, by node and of all nodes
     #[arg(long, group = "mode")]
     curve: bool,
@@ -37,99 +69,87 @@ pub struct ReplayArguments {
     /// Print how nodes fare that share a bus, simulated and by formula; default for --nodes: 1..256x2
     #[arg(long, group = "mode")]
     contention: bool,
-    /// Also divide misses into compulsory, capacity and conflict misses
-    #[arg(long)]
-    classes: bool,
-    /// Also simulate the buses, in cycles of the recorded cost model
-    #[arg(long)]
-    timings: bool,
-    /// How the table is printed
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    /// Replay what is whole of a damaged recording
-    #[arg(long)]
-    partial: bool,
-}
-
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "What is varied")]
-pub(super) struct GridOptions {
-    /// Sizes of a node's local memory: "all", shares such as 1/8, bytes such as "64 KiB"; ranges double
-    #[arg(long, value_name = "LIST")]
-    local_memory: Option<List<Size>>,
-    /// Bytes of a line, 16 to 256; ranges double
-    #[arg(long, value_name = "LIST")]
-    line: Option<List<LineBytes>>,
-    /// Lines of a set, or full; ranges double
-    #[arg(long, value_name = "LIST")]
-    ways: Option<List<WayCount>>,
-    /// Which line of a full set gives way
-    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
-    replacement: Vec<Policy>,
-    /// Processing nodes of a cluster; ranges count
-    #[arg(long, value_name = "LIST")]
-    nodes: Option<List<NodeCount>>,
-    /// Clusters, each with a bus and as many nodes; ranges count
-    #[arg(long, value_name = "LIST")]
-    clusters: Option<List<NodeCount>>,
-    /// In which order tiles are handed out: scanline, morton, random
-    #[arg(long, value_name = "LIST", value_parser = tile_order, value_delimiter = ',')]
-    tile_order: Vec<TileOrder>,
-    /// Which node gets which tile
-    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
-    assignment: Vec<Assignment>,
-    /// Bytes of a bus word, 1 to 64; ranges double
-    #[arg(long, value_name = "LIST")]
-    bus_width: Option<List<BusWidth>>,
-    /// Who is granted the bus: fifo, round_robin, round_robin:QUANTUM, fixed_priority
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    arbiter: Vec<ArbiterName>,
-}
-
-fn tile_order(text: &str) -> Result<TileOrder, String> {
-    let orders = [TileOrder::Scanline, TileOrder::Morton, TileOrder::Random];
-    let found = orders.into_iter().find(|order| order.to_string() == text);
-    found.ok_or_else(|| "expected scanline, morton or random".to_owned())
-}
-
-impl GridOptions {
-    pub(super) fn grid(&self) -> Grid {
-        fn values<T: Copy, U>(list: &Option<List<T>>, value: impl Fn(T) -> U) -> Vec<U> {
-            list.iter().flat_map(|list| list.0.iter().map(|&one| value(one))).collect()
-        }
-        Grid {
-            local_memory: values(&self.local_memory, |size| size.0),
-            line: values(&self.line, |line| line.0),
-            ways: values(&self.ways, |ways| ways.0),
-            replacement: self.replacement.clone(),
-            nodes: values(&self.nodes, |nodes| nodes.0),
-            clusters: values(&self.clusters, |clusters| clusters.0),
-            tile_order: self.tile_order.clone(),
-            assignment: self.assignment.clone(),
-            bus_width: values(&self.bus_width, |width| width.0),
-            arbiter: self.arbiter.iter().map(|arbiter| arbiter.0).collect(),
-        }
-    }
+    /// Print where misses come from: sections, octree levels, ray kinds, tiles
+    #[arg(long, group = "mode")]
+    origins: bool,
+    /// Draw a picture of the image's pixels
+    #[arg(long, value_name = "WHAT", value_enum, group = "mode", requires = "output")]
+    heat_map: Option<HeatMap>,
+    /// Write the references, or the simulated bus, for other tools
+    #[arg(long, value_name = "FORMAT", value_enum, group = "mode", requires = "output")]
+    export: Option<Export>,
+    /// The node whose references are exported
+    #[arg(long, value_name = "N", requires = "export")]
+    node: Option<u16>,
 }
 
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    if arguments.to_bus.is_asked() {
+        return arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format);
+    }
+    if arguments.recording.is_file() {
+        return replay_imported(arguments, &import(&arguments.recording)?);
+    }
     let Opened { recording, faults } =
         Recording::open(&arguments.recording).map_err(|error| Failure::bad_input(error.to_string()))?;
     let damage = damage(&faults, arguments.partial)?;
-    let recorded = Setting::recorded(&recording.topology);
-    let settings = arguments.grid.grid().settings(recorded).map_err(Failure::bad_input)?;
-    if arguments.curve {
-        return curve::print_curves(&recording, &settings, arguments.format, arguments.verify);
+    let settings = arguments.settings(Setting::recorded(&recording.topology))?;
+    let (question, format) = (&arguments.question, arguments.format);
+    match (question.origins, question.heat_map, question.export, &arguments.output) {
+        (true, ..) => origins::print_origins(&recording, &settings, format),
+        (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, what, out),
+        (.., Some(export), Some(out)) => export::export(&recording, &settings, export, question.node, out),
+        _ => arguments.print(&recording, &settings, damage),
     }
-    if arguments.contention {
-        let are_nodes_given = arguments.grid.nodes.is_some();
-        return contention::print_contention(&recording, &settings, are_nodes_given, arguments.format);
+}
+
+/// What a trace without tiles and rays can answer.
+fn replay_imported(arguments: &ReplayArguments, imported: &Imported) -> Result<(), Failure> {
+    let Question { origins, heat_map, export, .. } = &arguments.question;
+    if *origins || heat_map.is_some() || export.is_some() {
+        return Err(Failure::bad_input("a trace of others has no tiles, rays or sections: expected a recording"));
     }
-    let varies_bus = !arguments.grid.arbiter.is_empty() || arguments.grid.bus_width.is_some();
-    let evaluation = Evaluation { timings: arguments.timings || varies_bus, classes: arguments.classes, damage };
-    let rows =
-        evaluate(&recording, &settings, &evaluation, |_| {}).map_err(|error| Failure::bad_input(error.to_string()))?;
-    print_rows(&rows, arguments.format)
+    let settings = arguments.settings(Setting::imported())?;
+    if settings.iter().any(|setting| setting.all_nodes() > 1) {
+        return Err(Failure::bad_input("a trace of others is that of one node: expected one node and one cluster"));
+    }
+    arguments.print(imported, &settings, None)
+}
+
+fn import(path: &Path) -> Result<Imported, Failure> {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    let imported = match extension.as_deref() {
+        Some("din") => importers::din::import(path),
+        Some("csv") => importers::csv::import(path),
+        Some("oraclegeneral") => importers::oracle_general::import(path),
+        _ => {
+            return Err(Failure::bad_input(format!(
+                "{}: expected the folder of a run, or a file ending in .din, .csv or .oracleGeneral",
+                path.display()
+            )));
+        }
+    };
+    Ok(imported?)
+}
+
+impl ReplayArguments {
+    fn settings(&self, recorded: Setting) -> Result<Vec<Setting>, Failure> {
+        self.grid.grid().settings(recorded).map_err(Failure::bad_input)
+    }
+
+    /// Curves, contention, or the table of counts.
+    fn print<S: Subject>(&self, subject: &S, settings: &[Setting], damage: Option<String>) -> Result<(), Failure> {
+        let Question { curve, verify, contention, timings, classes, .. } = self.question;
+        if curve {
+            return curve::print_curves(subject, settings, self.format, verify);
+        }
+        if contention {
+            return contention::print_contention(subject, settings, self.grid.has_nodes(), self.format);
+        }
+        let evaluation = Evaluation { timings: timings || self.grid.varies_bus(), classes, damage };
+        let rows = evaluate(subject, settings, &evaluation, |_| {});
+        print_rows(&rows.map_err(|error| Failure::bad_input(error.to_string()))?, self.format)
+    }
 }
 
 /// Columns of a row that are settings.
@@ -150,7 +170,7 @@ fn print_rows(rows: &[Row], format: Format) -> Result<(), Failure> {
     let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
     reasons.sort_unstable();
     reasons.dedup();
-    print(&Table::new(rows)?.print(format, &SETTINGS)?)?;
+    print(&Table::new(rows)?.print(format, &SETTINGS))?;
     if format == Format::Text {
         reasons.iter().try_for_each(|reason| print(&format!("\napproximate: {reason}\n")))?;
     }

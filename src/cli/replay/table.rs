@@ -1,12 +1,13 @@
 //! Rows as text, JSON and CSV: whatever serialises to an object is a row, and its fields are the columns.
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
 use clap::ValueEnum;
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::Value;
 
-use crate::cli::{Failure, json};
+use crate::cli::Failure;
 
 /// How a table is printed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -18,46 +19,72 @@ pub(in crate::cli) enum Format {
 
 /// Rows of one kind.
 pub(in crate::cli) struct Table {
-    rows: Vec<Map<String, Value>>,
+    /// As JSON.
+    json: String,
+    columns: Vec<String>,
+    /// A value a column.
+    rows: Vec<Vec<Value>>,
+}
+
+/// An object's fields in their own order.
+struct Fields(Vec<(String, Value)>);
+
+impl<'de> Deserialize<'de> for Fields {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct InOrder;
+        impl<'de> Visitor<'de> for InOrder {
+            type Value = Fields;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Fields, A::Error> {
+                let mut fields = Vec::new();
+                while let Some(field) = map.next_entry()? {
+                    fields.push(field);
+                }
+                Ok(Fields(fields))
+            }
+        }
+        deserializer.deserialize_map(InOrder)
+    }
 }
 
 impl Table {
     pub(in crate::cli) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
-        let object = |row| match serde_json::to_value(row) {
-            Ok(Value::Object(object)) => Ok(object),
-            Ok(_) => Err(Failure::failed("a row is no object")),
-            Err(error) => Err(Failure::failed(error.to_string())),
-        };
-        Ok(Self { rows: rows.iter().map(object).collect::<Result<_, _>>()? })
+        let failed = |error: serde_json::Error| Failure::failed(error.to_string());
+        let json = serde_json::to_string_pretty(rows).map_err(failed)? + "\n";
+        let fields: Vec<Fields> = serde_json::from_str(&json).map_err(failed)?;
+        let columns = fields.first().iter().flat_map(|row| row.0.iter().map(|field| field.0.clone())).collect();
+        let rows = fields.into_iter().map(|row| row.0.into_iter().map(|field| field.1).collect()).collect();
+        Ok(Self { json, columns, rows })
     }
 
     /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
-    pub(in crate::cli) fn print(&self, format: Format, settings: &[&str]) -> Result<String, Failure> {
+    pub(in crate::cli) fn print(&self, format: Format, settings: &[&str]) -> String {
         match format {
-            Format::Text => Ok(self.text(settings)),
-            Format::Json => json(&self.rows),
-            Format::Csv => Ok(self.csv()),
+            Format::Text => self.text(settings),
+            Format::Json => self.json.clone(),
+            Format::Csv => self.csv(),
         }
-    }
-
-    fn columns(&self) -> Vec<&str> {
-        self.rows.first().into_iter().flat_map(Map::keys).map(String::as_str).collect()
     }
 
     fn text(&self, settings: &[&str]) -> String {
         let Some(first) = self.rows.first() else { return String::new() };
-        let varies = |column: &str| self.rows.iter().any(|row| row.get(column) != first.get(column));
-        let is_filled = |column: &str| self.rows.iter().any(|row| row.get(column).is_some_and(|v| !v.is_null()));
+        let varies = |i: usize| self.rows.iter().any(|row| row[i] != first[i]);
+        let is_filled = |i: usize| self.rows.iter().any(|row| !row[i].is_null());
         let (mut heading, mut columns) = (Vec::new(), Vec::new());
-        for column in self.columns() {
-            if settings.contains(&column) && !varies(column) {
-                heading.push(format!("{} {}", column.replace('_', " "), cell(column, &first[column])));
-            } else if column != "reason" && (settings.contains(&column) || is_filled(column)) {
-                columns.push(column);
+        for (i, column) in self.columns.iter().enumerate() {
+            let is_setting = settings.contains(&column.as_str());
+            if is_setting && !varies(i) {
+                heading.push(format!("{} {}", column.replace('_', " "), cell(column, &first[i])));
+            } else if column != "reason" && (is_setting || is_filled(i)) {
+                columns.push(i);
             }
         }
-        let mut lines = vec![columns.iter().map(|column| column.replace('_', " ")).collect::<Vec<_>>()];
-        lines.extend(self.rows.iter().map(|row| columns.iter().map(|&column| cell(column, &row[column])).collect()));
+        let mut lines = vec![columns.iter().map(|&i| self.columns[i].replace('_', " ")).collect::<Vec<_>>()];
+        lines.extend(self.rows.iter().map(|row| columns.iter().map(|&i| cell(&self.columns[i], &row[i])).collect()));
         let width = |i: usize| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns.len()).map(width).collect();
         let mut out = String::new();
@@ -73,10 +100,9 @@ impl Table {
 
     /// One line a row under one of names.
     fn csv(&self) -> String {
-        let columns = self.columns();
-        let mut out = columns.join(",") + "\n";
+        let mut out = self.columns.join(",") + "\n";
         for row in &self.rows {
-            let cells = columns.iter().map(|&column| match &row[column] {
+            let cells = row.iter().map(|value| match value {
                 Value::Null => String::new(),
                 Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
                 Value::String(text) => text.clone(),
@@ -121,15 +147,15 @@ mod tests {
 
     #[test]
     fn what_is_the_same_stands_above_the_table() {
-        let text = table().print(Format::Text, &["line", "nodes"]).expect("text");
+        let text = table().print(Format::Text, &["line", "nodes"]);
         assert_eq!(text, "line 64\n\nnodes  misses        why\n    4     100          -\n   16       7  a, \"b\"\n");
     }
 
     #[test]
     fn csv_quotes_what_it_must() {
-        let csv = table().print(Format::Csv, &[]).expect("text");
+        let csv = table().print(Format::Csv, &[]);
         assert_eq!(csv, "line,nodes,misses,why\n64,4,100,\n64,16,7,\"a, \"\"b\"\"\"\n");
-        let json: Value = serde_json::from_str(&table().print(Format::Json, &[]).expect("text")).expect("JSON");
+        let json: Value = serde_json::from_str(&table().print(Format::Json, &[])).expect("JSON");
         assert_eq!((json[1]["nodes"].as_u64(), json[0]["why"].is_null()), (Some(16), true));
     }
 }

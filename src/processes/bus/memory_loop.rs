@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel as channel;
 use mio::{Events, Interest, Poll, Token, Waker};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 
 use super::client::Client;
 use super::state::{Refusal, State, initiator};
@@ -79,6 +79,8 @@ pub struct MemoryLoop {
     commands: channel::Receiver<Command>,
     /// What the manager should know of; one more than fit is in the text log only.
     incidents: mpsc::Sender<String>,
+    /// Told when the loader leaves.
+    farewell: Option<oneshot::Sender<()>>,
     state: State,
     recording: Writer,
     /// Rows were pushed since it was flushed.
@@ -123,6 +125,7 @@ impl MemoryLoop {
             _waker: waker,
             commands,
             incidents,
+            farewell: None,
             state,
             recording,
             unflushed: false,
@@ -134,6 +137,11 @@ impl MemoryLoop {
             wire_bytes: 0,
         };
         Ok((memory_loop, handle))
+    }
+
+    /// Tells when the loader leaves, which is of interest where no manager says when it is over.
+    pub fn tell_when_the_loader_leaves(&mut self, farewell: oneshot::Sender<()>) {
+        self.farewell = Some(farewell);
     }
 
     /// Serves until told to finish; `None` when the handle was dropped instead. The recording is whole after
@@ -259,6 +267,7 @@ impl MemoryLoop {
         }
         let incident = format!("refused {}: {refusal}", client.peer);
         self.remove(slot);
+        self.say_farewell(slot);
         self.tell(incident);
     }
 
@@ -267,9 +276,19 @@ impl MemoryLoop {
         let Some(client) = self.remove(slot) else {
             return;
         };
+        self.say_farewell(slot);
         match fault {
             Fault::Closed | Fault::Torn | Fault::Io(_) => tracing::info!("{}: {fault}", client.peer),
             _ => self.tell(format!("dropped {}: {fault}", client.peer)),
+        }
+    }
+
+    fn say_farewell(&mut self, left: usize) {
+        if left == slot(Initiator::Loader)
+            && let Some(farewell) = self.farewell.take()
+        {
+            // An error means that nobody waits for it.
+            let _ = farewell.send(());
         }
     }
 

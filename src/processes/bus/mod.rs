@@ -2,17 +2,19 @@
 //!
 //! The control conversation runs here; the memory conversations in [`memory_loop`], on a thread of its own.
 
+mod alone;
 mod client;
 pub mod memory_loop;
 pub mod state;
 
-use std::net::IpAddr;
+use std::net::SocketAddr;
 use std::thread;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+pub use self::alone::{Alone, serve_alone};
 use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
 use super::bootstrap::StartError;
@@ -21,7 +23,7 @@ use crate::ids::Epoch;
 use crate::protocol::connection::{Arrival, ConnectionError, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
 use crate::protocol::hello::{Role, RunToken};
-use crate::recording::{Metadata, RecordingError, Writer};
+use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 
 /// Incidents on their way from the loop to the manager.
 const INCIDENTS_MAX: usize = 64;
@@ -40,6 +42,12 @@ pub enum BusError {
     Recording(#[from] RecordingError),
     #[error(transparent)]
     Loop(#[from] LoopError),
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    #[error("{0} is not an address of this host alone, expected one such as 127.0.0.1:0")]
+    NotLoopback(SocketAddr),
+    #[error("{} is the recording that is to be served, expected another folder", .0.display())]
+    OutIsRecording(std::path::PathBuf),
     #[error("the thread that owns the memory connections has ended")]
     LoopEnded,
     #[error("the recording was not closed within {} s", FINISH_DEADLINE.as_secs())]
@@ -82,8 +90,8 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
     };
     let epoch = child.bootstrap.epoch;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
-    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender)?;
-    let mut listener = listen(link.interface, child.bootstrap.token).await?;
+    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None)?;
+    let mut listener = listen((link.interface, 0).into(), child.bootstrap.token).await?;
     let mut reports = vec![BusReport::Listening(listener.address())];
     loop {
         for report in reports.drain(..) {
@@ -117,24 +125,28 @@ fn start_loop(
     configuration: &BusConfiguration,
     epoch: Epoch,
     incidents: mpsc::Sender<String>,
+    farewell: Option<oneshot::Sender<()>>,
 ) -> Result<(Handle, oneshot::Receiver<LoopOutcome>), BusError> {
     let BusConfiguration { cluster, arbiter, layout, recording } = configuration;
     let metadata = Metadata { cluster: *cluster, epoch, arbiter: *arbiter, layout: layout.clone() };
     let recording = Writer::create(recording, &metadata)?;
     let state = State::new(configuration, epoch);
-    let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, WRITE_DEADLINE)?;
+    let (mut memory_loop, handle) = MemoryLoop::new(state, recording, incidents, WRITE_DEADLINE)?;
+    if let Some(farewell) = farewell {
+        memory_loop.tell_when_the_loader_leaves(farewell);
+    }
     let (sender, ended) = oneshot::channel();
     // An error means that nobody waits for the outcome any more.
     thread::Builder::new().name("bus".to_owned()).spawn(move || drop(sender.send(memory_loop.run())))?;
     Ok((handle, ended))
 }
 
-async fn listen(interface: IpAddr, token: RunToken) -> Result<Listener, BusError> {
+async fn listen(address: SocketAddr, token: RunToken) -> Result<Listener, BusError> {
     let admits = |role, _| match initiator(role) {
         Some(_) => Ok(()),
         None => Err("the manager, the master or a node".to_owned()),
     };
-    Ok(Listener::bind(interface, token, admits).await?)
+    Ok(Listener::bind_to(address, token, admits).await?)
 }
 
 /// Hands a peer to the loop; returns what the manager should know if there is none.

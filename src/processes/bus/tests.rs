@@ -106,7 +106,7 @@ async fn run_until(
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
     let loop_thread = thread::spawn(|| memory_loop.run());
-    let mut listener = listen(Ipv4Addr::LOCALHOST.into(), TOKEN).await.expect("loopback");
+    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), TOKEN).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {
         tokio::select! {

@@ -17,7 +17,6 @@ mod process_table;
 mod recorded;
 mod shell;
 mod state;
-mod upload;
 
 #[cfg(test)]
 mod sample;
@@ -35,6 +34,7 @@ use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
+use super::token;
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
@@ -163,7 +163,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         start,
         executables,
         logs: folder.logs(),
-        token: token()?,
+        token: secret()?,
         words: Arc::clone(&database.words),
         quiet: request.quiet,
     };
@@ -201,9 +201,6 @@ fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunErr
     Ok(Tiling { width, height, tile_width, tile_height })
 }
 
-fn token() -> Result<RunToken, RunError> {
-    let mut bytes = [0; 32];
-    let filled = getrandom::fill(&mut bytes);
-    filled.map_err(|error| RunError::System { what: "random numbers", error: error.to_string() })?;
-    Ok(RunToken::new(bytes))
+fn secret() -> Result<RunToken, RunError> {
+    token::random().map_err(|error| RunError::System { what: "random numbers", error: error.to_string() })
 }

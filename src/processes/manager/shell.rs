@@ -1,6 +1,7 @@
 //! Turns what happens into events for the state, and does what it answers.
 
 use std::collections::HashMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,11 +15,10 @@ use super::control_port::ControlPort;
 use super::executables::Executables;
 use super::plan::Plan;
 use super::state::{Action, Event, State};
-use super::upload::upload;
 use super::{Interrupt, RunError};
-use crate::ids::Epoch;
+use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
-use crate::protocol::hello::{Hello, Role, RunToken};
+use crate::protocol::hello::RunToken;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -148,14 +148,22 @@ impl Shell {
         }
     }
 
-    fn upload(&mut self, bus: std::net::SocketAddr) {
+    fn upload(&mut self, bus: SocketAddr) {
         let Some(words) = self.words.take() else { return };
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let hello = Hello::new(Role::Manager, Epoch(0), self.token);
+        let token = self.token;
         tokio::spawn(async move {
-            let loaded = upload(bus, &hello, bytemuck::cast_slice(&words), deadline).await;
+            let loaded = upload(bus, token, bytemuck::cast_slice(&words), deadline).await;
             // An error means that the manager has ended.
             let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
         });
     }
+}
+
+/// `deadline` is for each piece.
+async fn upload(bus: SocketAddr, token: RunToken, image: &[u8], deadline: Duration) -> Result<(), String> {
+    let mut loader = Loader::connect(bus, token, deadline).await?;
+    loader.store_all(image).await?;
+    loader.leave().await;
+    Ok(())
 }

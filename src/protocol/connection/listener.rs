@@ -41,7 +41,19 @@ impl Listener {
         token: RunToken,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
-        let listener = TcpListener::bind((interface, 0)).await?;
+        Self::bind_to((interface, 0).into(), token, admits).await
+    }
+
+    /// As [`Self::bind`], with a port that somebody chose; 0 is a free one.
+    ///
+    /// # Errors
+    /// The address cannot be bound.
+    pub async fn bind_to(
+        address: SocketAddr,
+        token: RunToken,
+        admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
+    ) -> io::Result<Self> {
+        let listener = TcpListener::bind(address).await?;
         let address = listener.local_addr()?;
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
         tokio::spawn(accept_until_dropped(listener, sender, token, Arc::new(admits)));

@@ -16,6 +16,15 @@ use crate::machine::transaction::Transaction;
 pub const FILE_NAME: &str = "bus.arrows";
 /// The sidecar's name.
 pub const SIDECAR_NAME: &str = "bus.json";
+/// All that may stand in its folder: whole, on its way, and the sidecar.
+pub const FILE_NAMES: [&str; 3] = [FILE_NAME, "bus.arrows.partial", SIDECAR_NAME];
+
+/// Where the log of a run is: `recording` in the run's folder, or that folder itself.
+pub fn folder(of: &Path) -> PathBuf {
+    let inner = of.join("recording");
+    if inner.is_dir() { inner } else { of.to_owned() }
+}
+
 /// `bus.json`: by which a reader knows that `bus.arrows` is whole.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Sidecar {

@@ -60,7 +60,7 @@ impl Recording {
     pub fn open(folder: &Path) -> Result<Opened, OpenError> {
         let inner = folder.join("recording");
         let folder = if folder.join(SIDECAR_NAME).exists() || !inner.is_dir() { folder } else { &inner };
-        let sidecar = read_sidecar(folder)?;
+        let sidecar = Sidecar::read(folder)?;
         let named = |what: String| OpenError(format!("{}: {what}", folder.join(SIDECAR_NAME).display()));
         let source = Source::from_bytes("references.json, topology", sidecar.topology.as_bytes());
         let topology = Topology::from_source(&source, &[]).map_err(|error| named(error.to_string()))?;
@@ -118,10 +118,13 @@ pub(super) fn process_of(name: &str) -> Option<(NodeId, Epoch)> {
     Some((NodeId(node.parse().ok()?), Epoch(epoch.parse().ok()?)))
 }
 
-fn read_sidecar(folder: &Path) -> Result<Sidecar, OpenError> {
-    let path = folder.join(SIDECAR_NAME);
-    let named = |what: String| OpenError(format!("{}: {what}", path.display()));
-    let file = File::open(&path).map_err(|error| {
+impl Sidecar {
+    /// # Errors
+    /// It is not there, or not that of a recording which this version reads.
+    pub fn read(folder: &Path) -> Result<Self, OpenError> {
+        let path = folder.join(SIDECAR_NAME);
+        let named = |what: String| OpenError(format!("{}: {what}", path.display()));
+        let file = File::open(&path).map_err(|error| {
         let recorded = Recording::file_names(folder).map_or(0, |names| names.len());
         let what = match recorded {
             0 => "expected the folder of a run with `--record references`, or its folder `recording`".to_owned(),
@@ -132,21 +135,23 @@ fn read_sidecar(folder: &Path) -> Result<Sidecar, OpenError> {
         };
         named(format!("{error}: {what}"))
     })?;
-    let mut text = Vec::new();
-    file.take(SIDECAR_BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| named(error.to_string()))?;
-    if text.len() as u64 > SIDECAR_BYTES_MAX {
-        return Err(named(format!("more than {SIDECAR_BYTES_MAX} bytes, expected a sidecar")));
+        let mut text = Vec::new();
+        file.take(SIDECAR_BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| named(error.to_string()))?;
+        if text.len() as u64 > SIDECAR_BYTES_MAX {
+            return Err(named(format!("more than {SIDECAR_BYTES_MAX} bytes, expected a sidecar")));
+        }
+        #[derive(serde::Deserialize)]
+        struct Version {
+            format_version: u32,
+        }
+        let not_ours =
+            |error: serde_json::Error| named(format!("{error}, expected the sidecar of recorded references"));
+        let Version { format_version } = serde_json::from_slice(&text).map_err(not_ours)?;
+        if format_version != FORMAT_VERSION {
+            return Err(named(format!("version {format_version} of the format, expected {FORMAT_VERSION}")));
+        }
+        serde_json::from_slice(&text).map_err(not_ours)
     }
-    #[derive(serde::Deserialize)]
-    struct Version {
-        format_version: u32,
-    }
-    let not_ours = |error: serde_json::Error| named(format!("{error}, expected the sidecar of recorded references"));
-    let Version { format_version } = serde_json::from_slice(&text).map_err(not_ours)?;
-    if format_version != FORMAT_VERSION {
-        return Err(named(format!("version {format_version} of the format, expected {FORMAT_VERSION}")));
-    }
-    serde_json::from_slice(&text).map_err(not_ours)
 }
 
 impl Opened {

@@ -2,6 +2,12 @@
 //!
 //! Nodes are customers of a closed network: each thinks (computes, and waits for the memory where the bus is free
 //! meanwhile), queues for the bus, is served, and thinks again.
+//!
+//! How near this is to a simulated bus, as `tests/theory.rs` holds it: with exponential think times, locked transactions
+//! of one size are exactly the queue with [fixed service](ClosedNetwork::fixed_service), and up to 6% better than
+//! [exponential service](ClosedNetwork::exponential_service), whose waits are longer. Split transactions visit the bus
+//! twice, for times that differ; as one visit, their efficiency is off by up to 6% with the default latency, and by up
+//! to 20% where the latency is many times what the bus is held.
 
 use serde::Serialize;
 

@@ -6,8 +6,8 @@ use crate::topology::{Bus, Transactions};
 /// The times of a transaction of B bytes: a word for the address, the latency of the memory, then ⌈B / width⌉ words of
 /// data. Fetches and messages cost the same: a message is modelled as if it was answered.
 ///
-/// A locked transaction holds the bus for all of that. A split one holds it for the address and again for the data; in
-/// between, the memory works for any number of nodes at a time (it is pipelined, and its accesses overlap).
+/// A locked transaction holds the bus for all of that. A split one holds it for the address and, granted anew, for the
+/// data; in between, the memory works for any number of nodes at a time (it is pipelined, and its accesses overlap).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Service {
     width: u64,

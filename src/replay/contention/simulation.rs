@@ -1,11 +1,11 @@
 //! The simulation itself: nodes that compute and wait, a bus that one of them has at a time.
 //!
 //! A node has one thing under way at most, and so one event at most that is to come. When all events of a cycle have
-//! happened and the bus is free, it is granted: first to what the memory has found, in the order in which it did, then
-//! to who the arbiter says. Requests of the same cycle count as made in the order of their nodes.
+//! happened and the bus is free, it is granted to whom the arbiter says among those that wait, be it for an address or
+//! for data that the memory has found. Who began to wait in the same cycle counts in the order of nodes.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::BinaryHeap;
 
 use super::outcome::efficiency;
 use super::waits::Waits;
@@ -45,8 +45,8 @@ enum Stage {
     Holding(Request, Hold),
     /// In the memory, after the address was sent.
     Looking(Request),
-    /// For the bus, or for nothing any more: no event is to come.
-    Waiting(Request),
+    /// For the bus: no event is to come before it is granted.
+    Waiting(Request, Phase),
     Finished,
 }
 
@@ -64,10 +64,8 @@ struct Simulation<'a, W, O> {
     /// When which node's stage ends.
     events: BinaryHeap<Reverse<(Cycle, u16)>>,
     nodes: Vec<Node>,
-    /// Who waits to send a request, in ascending order.
+    /// Who waits for the bus, in ascending order.
     waiting: Vec<Waiting>,
-    /// Whose data the memory has found.
-    found: VecDeque<u16>,
     /// From when on the bus is free.
     free: Cycle,
     busy: Cycle,
@@ -98,7 +96,6 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
             events: (0..settings.nodes).map(|node| Reverse((0, node))).collect(),
             nodes: (0..settings.nodes).map(node).collect(),
             waiting: Vec::new(),
-            found: VecDeque::new(),
             free: 0,
             busy: 0,
             fetched_bytes: 0,
@@ -114,10 +111,8 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
             Stage::Computing(Some(Transaction { kind, bytes })) => {
                 let request = Request { node: NodeId(node), kind, bytes, requested: now };
                 self.observer.requested(&request);
-                self.enter(node, Stage::Waiting(request));
-                let waiting = Waiting { initiator: Initiator::Node(request.node), arrival: now };
-                let place = self.waiting.partition_point(|other| other.initiator < waiting.initiator);
-                self.waiting.insert(place, waiting);
+                let phase = if self.service.is_split() { Phase::Address } else { Phase::Whole };
+                self.wait(request, phase, now);
             }
             Stage::Holding(request, hold) => {
                 self.observer.released(&request, hold);
@@ -128,11 +123,8 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
                     self.next_burst(node, now)?;
                 }
             }
-            Stage::Looking(request) => {
-                self.enter(node, Stage::Waiting(request));
-                self.found.push_back(node);
-            }
-            Stage::Waiting(_) | Stage::Finished => {}
+            Stage::Looking(request) => self.wait(request, Phase::Data, now),
+            Stage::Waiting(..) | Stage::Finished => {}
         }
         Ok(())
     }
@@ -150,6 +142,13 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
             }
         }
         Ok(())
+    }
+
+    fn wait(&mut self, request: Request, phase: Phase, now: Cycle) {
+        self.enter(request.node.0, Stage::Waiting(request, phase));
+        let waiting = Waiting { initiator: Initiator::Node(request.node), arrival: now };
+        let place = self.waiting.partition_point(|other| other.initiator < waiting.initiator);
+        self.waiting.insert(place, waiting);
     }
 
     fn complete(&mut self, request: &Request, now: Cycle) {
@@ -173,13 +172,12 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
         if self.free > now {
             return;
         }
-        let found = self.found.pop_front();
-        let Some(node) = found.or_else(|| self.grant_request()) else { return };
-        let Stage::Waiting(request) = self.nodes[usize::from(node)].stage else { return };
-        let (phase, cycles) = match (self.service.is_split(), found.is_some()) {
-            (false, _) => (Phase::Whole, self.service.unloaded_cycles(request.bytes)),
-            (true, false) => (Phase::Address, self.service.address_cycles()),
-            (true, true) => (Phase::Data, self.service.data_cycles(request.bytes)),
+        let Some(node) = self.granted() else { return };
+        let Stage::Waiting(request, phase) = self.nodes[usize::from(node)].stage else { return };
+        let cycles = match phase {
+            Phase::Whole => self.service.unloaded_cycles(request.bytes),
+            Phase::Address => self.service.address_cycles(),
+            Phase::Data => self.service.data_cycles(request.bytes),
         };
         let hold = Hold { phase, from: now, until: now + cycles };
         self.observer.granted(&request, hold);
@@ -188,8 +186,8 @@ impl<'a, W: Workload, O: Observer> Simulation<'a, W, O> {
         self.enter_until(node, Stage::Holding(request, hold), hold.until);
     }
 
-    /// Who the arbiter says.
-    fn grant_request(&mut self) -> Option<u16> {
+    /// Whom the arbiter says; it waits no more.
+    fn granted(&mut self) -> Option<u16> {
         let granted = self.arbiter.grant(&self.waiting)?;
         let place = self.waiting.binary_search_by_key(&granted, |waiting| waiting.initiator).ok()?;
         self.waiting.remove(place);

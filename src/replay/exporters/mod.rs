@@ -5,14 +5,16 @@
 //! bus. None holds more than a part of a recording at a time.
 
 pub mod accesses;
+pub mod chrome;
 pub mod csv;
 pub mod din;
 pub mod json;
 pub mod oracle_general;
+pub mod vcd;
 
 use std::io;
 
-use super::{Lines, Trace, TraceError};
+use super::{Lines, Trace, TraceError, reads};
 use crate::machine::references::{Event, Word};
 
 /// Why an export ended early.
@@ -30,23 +32,8 @@ fn decode(word: u32) -> Result<Event, TraceError> {
 }
 
 /// The lines that the words of a part reference, in order, appended to `referenced`.
-///
-/// # Errors
-/// A word of an unknown kind, or a record in lines that there are not.
 fn line_references(words: &[u32], lines: &impl Lines, referenced: &mut Vec<u32>) -> Result<(), TraceError> {
-    for &word in words {
-        if let Event::Read(record) = decode(word)? {
-            let (first, count) = lines.of(record);
-            if u64::from(first) + u64::from(count) > u64::from(lines.count()) {
-                return Err(TraceError(format!(
-                    "record {record} is in line {first}, expected below {}",
-                    lines.count()
-                )));
-            }
-            referenced.extend(first..first + count);
-        }
-    }
-    Ok(())
+    reads::for_each(words, lines, |first, count| referenced.extend(first..first + count))
 }
 
 /// The parts of the tiles in order: the tile's place among these, and the part's number.
@@ -56,5 +43,7 @@ fn parts<'a>(trace: &'a (impl Trace + ?Sized), tiles: &'a [u32]) -> impl Iterato
         .flat_map(|(place, &tile)| trace.tiles()[tile as usize].parts.clone().map(move |part| (place, part)))
 }
 
+#[cfg(test)]
+mod bus_tests;
 #[cfg(test)]
 mod tests;

@@ -65,16 +65,16 @@ fn a_split_transaction_has_the_bus_twice() {
     let by_hand = [
         (NodeId(0), Address, 10, 11),
         (NodeId(1), Address, 11, 12),
-        // Node 2 asks at 15, but what the memory has found goes first.
+        // Node 2 asks at 15, too, and before the memory has found what node 1 asked for, at 16.
         (NodeId(0), Data, 15, 18),
-        (NodeId(1), Data, 18, 21),
-        (NodeId(2), Address, 21, 22),
-        (NodeId(2), Data, 26, 29),
+        (NodeId(2), Address, 18, 19),
+        (NodeId(1), Data, 19, 22),
+        (NodeId(2), Data, 23, 26),
     ];
     assert_eq!(log.holds, by_hand);
     assert_eq!(log.released, by_hand);
-    assert_eq!(waits(&log, Service::new(&bus)), [0, 1 + 2, 6]);
-    assert_eq!((outcome.cycles, outcome.bus_busy_cycles, outcome.wait_mean_cycles), (29, 12, 3.0));
+    assert_eq!(waits(&log, Service::new(&bus)), [0, 1 + 3, 3]);
+    assert_eq!((outcome.cycles, outcome.bus_busy_cycles, outcome.wait_mean_cycles), (26, 12, 7.0 / 3.0));
 }
 
 #[test]

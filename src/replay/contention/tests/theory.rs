@@ -15,15 +15,25 @@ fn exponential(random: &mut Pcg32, mean: f64) -> f64 {
     -mean * libm::log(uniform.min(1.0))
 }
 
-/// Compute times are exponential; the bus moves a byte a cycle after an address that takes one.
-fn play_random(nodes: u16, until: Cycle, latency: u32, mut service: impl FnMut(&mut Pcg32) -> u32) -> Outcome {
+/// A byte a cycle, after an address that takes one.
+const BYTE_A_CYCLE: Bus = Bus { width: 1, latency: 0, ..Bus::DEFAULT };
+
+/// Bytes that keep [`BYTE_A_CYCLE`] busy for an exponential time, rounded to cycles.
+fn exponential_bytes(random: &mut Pcg32) -> u32 {
+    (exponential(random, NETWORK.service_cycles) + 0.5) as u32
+}
+
+/// About a million transactions.
+fn until(nodes: u16) -> Cycle {
+    20_000_000_000 / u64::from(nodes).min(10)
+}
+
+/// Compute times are exponential.
+fn play_random(nodes: u16, mut bytes: impl FnMut(&mut Pcg32) -> u32) -> Outcome {
     let mut random = Pcg32::seed_from_u64(u64::from(nodes));
-    let transactions = if latency == 0 { Transactions::Locked } else { Transactions::Split };
-    let bus = Bus { width: 1, latency, transactions, ..Bus::DEFAULT };
-    let compute = NETWORK.compute_cycles;
-    play(&settings(nodes, bus), move |_: NodeId, now| {
-        let compute_cycles = exponential(&mut random, compute) as u64;
-        Ok((now < until).then(|| fetch(compute_cycles, service(&mut random) - 1)))
+    play(&settings(nodes, BYTE_A_CYCLE), move |_: NodeId, now| {
+        let compute_cycles = exponential(&mut random, NETWORK.compute_cycles) as u64;
+        Ok((now < until(nodes)).then(|| fetch(compute_cycles, bytes(&mut random))))
     })
 }
 
@@ -73,9 +83,7 @@ fn one_and_two_nodes_with_fixed_service_are_as_by_hand() {
 fn random_service_waits_as_mean_value_analysis_says() {
     let loads = NETWORK.exponential_service(64);
     for nodes in NODES {
-        // 200,000 to 1,000,000 transactions.
-        let until = 20_000_000_000 / u64::from(nodes).min(10);
-        let outcome = play_random(nodes, until, 0, |random| (exponential(random, 2_000.0) + 0.5) as u32 + 1);
+        let outcome = play_random(nodes, exponential_bytes);
         assert_near(&outcome, &loads[usize::from(nodes) - 1], 0.01);
     }
 }
@@ -84,28 +92,51 @@ fn random_service_waits_as_mean_value_analysis_says() {
 fn fixed_service_waits_as_the_finite_source_queue_says() {
     let loads = NETWORK.fixed_service(64);
     for nodes in NODES {
-        let until = 20_000_000_000 / u64::from(nodes).min(10);
-        let outcome = play_random(nodes, until, 0, |_| 2_000);
+        let outcome = play_random(nodes, |_| 1_999);
         assert_near(&outcome, &loads[usize::from(nodes) - 1], 0.01);
     }
 }
 
 #[test]
-fn latency_off_the_bus_is_think_time() {
-    // Exponential service in two visits, of which the address is next to nothing.
+fn how_think_times_are_spread_does_not_matter_where_service_is_exponential() {
     let network = ClosedNetwork { latency_cycles: 10_000.0, ..NETWORK };
     let loads = network.exponential_service(64);
     for nodes in [1, 8, 32] {
-        let until = 20_000_000_000 / u64::from(nodes).min(10);
-        let outcome = play_random(nodes, until, 10_000, |random| (exponential(random, 2_000.0) + 0.5) as u32 + 1);
-        assert_near(&outcome, &loads[usize::from(nodes) - 1], 0.01);
-        let seen = ClosedNetwork::of(&outcome).expect("has transactions");
-        for (got, expected) in [
-            (seen.compute_cycles, network.compute_cycles),
-            (seen.latency_cycles, network.latency_cycles),
-            (seen.service_cycles, network.service_cycles),
-        ] {
-            assert!((got / expected - 1.0).abs() < 0.01, "{seen:?}");
+        let mut random = Pcg32::seed_from_u64(u64::from(nodes));
+        let outcome = play(&settings(nodes, BYTE_A_CYCLE), move |_: NodeId, now| {
+            let compute_cycles = 10_000 + exponential(&mut random, NETWORK.compute_cycles) as u64;
+            Ok((now < until(nodes)).then(|| fetch(compute_cycles, exponential_bytes(&mut random))))
+        });
+        let load = loads[usize::from(nodes) - 1];
+        // What the network calls latency is computed here.
+        let efficiency = load.efficiency * network.think_cycles() / network.compute_cycles;
+        assert_near(&outcome, &Load { efficiency, ..load }, 0.01);
+    }
+}
+
+/// How far the formulas are from buses that move 64 bytes at a time, whose think times are exponential. With locked
+/// transactions service is fixed, and its formula is exact. Split ones have the bus for different times at their two
+/// visits, which no formula here knows.
+#[test]
+fn formulas_are_as_near_to_real_buses_as_is_said() {
+    use Transactions::{Locked, Split};
+    for (transactions, latency, random_error_max, fixed_error_max) in
+        [(Locked, 8, 0.06, 0.005), (Locked, 100, 0.06, 0.005), (Split, 8, 0.03, 0.06), (Split, 100, 0.15, 0.2)]
+    {
+        let bus = Bus { transactions, latency, ..Bus::DEFAULT };
+        for nodes in [1, 2, 4, 8, 12, 16, 32, 64] {
+            let (mut random, mut left) = (Pcg32::seed_from_u64(1), 200_000);
+            let outcome = play(&settings(nodes, bus), |_: NodeId, _| {
+                left -= i32::from(left > 0);
+                Ok((left > 0).then(|| fetch(exponential(&mut random, 100.0) as u64, 64)))
+            });
+            let network = ClosedNetwork::of(&outcome).expect("has transactions");
+            let loads = [network.exponential_service(nodes), network.fixed_service(nodes)];
+            for (loads, error_max) in loads.iter().zip([random_error_max, fixed_error_max]) {
+                let expected = loads[usize::from(nodes) - 1].efficiency;
+                let error = (expected / outcome.efficiency - 1.0).abs();
+                assert!(error < error_max, "{bus:?}, {nodes} nodes: {expected}, simulated {}", outcome.efficiency);
+            }
         }
     }
 }
@@ -123,7 +154,7 @@ fn bounds_hold_and_meet_at_the_ends() {
     }
     // Service that does not vary lets fewer wait.
     let pairs = NETWORK.exponential_service(64).into_iter().zip(NETWORK.fixed_service(64));
-    assert!(pairs.skip(1).all(|(random, fixed)| fixed.wait_cycles < random.wait_cycles));
+    assert!(pairs.skip(1).take(20).all(|(random, fixed)| fixed.wait_cycles < random.wait_cycles));
 }
 
 #[test]

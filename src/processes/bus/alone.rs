@@ -1,0 +1,126 @@
+//! A bus by itself, without a manager: its memory waits for whoever uploads the image of a recording.
+
+use std::fs;
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::timeout;
+
+use super::memory_loop::Command;
+use super::{BusError, FINISH_DEADLINE, INCIDENTS_MAX, admit, listen, start_loop};
+use crate::ids::Epoch;
+use crate::processes::{StartError, token};
+use crate::protocol::control::{BusConfiguration, BusTotals};
+use crate::protocol::hello::RunToken;
+use crate::recording::bus_log;
+use crate::telemetry;
+
+/// What to serve, and where.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Alone {
+    /// The folder of a run, or its `recording`: whose layout and arbiter the bus has.
+    pub recording: PathBuf,
+    /// Of this host alone; port 0 is a free one.
+    pub bind: SocketAddr,
+    /// The folder for this bus' own recording, its text log and the file with its token, `bus.token`.
+    pub out: PathBuf,
+}
+
+impl Alone {
+    fn token(&self) -> PathBuf {
+        self.out.join("bus.token")
+    }
+}
+
+/// Prints the address it got, then serves until its loader leaves, or SIGINT or SIGTERM arrives.
+///
+/// # Errors
+/// The recording has no schema of a bus log, a folder cannot be written, the address cannot be bound, or what keeps
+/// any bus from going on.
+pub fn serve_alone(alone: &Alone) -> Result<BusTotals, BusError> {
+    if !alone.bind.ip().is_loopback() {
+        return Err(BusError::NotLoopback(alone.bind));
+    }
+    // The schema alone is needed: rows may be damaged.
+    let recorded = bus_log::Reader::salvage(&bus_log::folder(&alone.recording))?.metadata().clone();
+    let recording = prepare(alone)?;
+    let configuration =
+        BusConfiguration { cluster: recorded.cluster, arbiter: recorded.arbiter, layout: recorded.layout, recording };
+    let secret = token::random()?;
+    token::write(&alone.token(), secret)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let served = runtime.block_on(serve(alone.bind, secret, &configuration));
+    // Nobody can use it any more.
+    let _ = fs::remove_file(alone.token());
+    match &served {
+        Ok(totals) => tracing::info!("served {} transactions", totals.transactions),
+        Err(error) => tracing::error!("{error}"),
+    }
+    served
+}
+
+/// Makes the folders and takes away the log of an earlier bus; returns the folder of the recording.
+fn prepare(alone: &Alone) -> Result<PathBuf, BusError> {
+    let (recording, logs) = (alone.out.join("recording"), alone.out.join("logs"));
+    for folder in [&recording, &logs] {
+        fs::create_dir_all(folder).map_err(|error| named(folder, &error))?;
+    }
+    let source = bus_log::folder(&alone.recording);
+    let real = |folder: &Path| folder.canonicalize().map_err(|error| named(folder, &error));
+    if real(&source)? == real(&recording)? {
+        return Err(BusError::OutIsRecording(recording));
+    }
+    for name in bus_log::FILE_NAMES {
+        let path = recording.join(name);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(named(&path, &error).into()),
+            _ => {}
+        }
+    }
+    telemetry::start(&logs.join("bus.log")).map_err(StartError::from)?;
+    Ok(recording)
+}
+
+async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfiguration) -> Result<BusTotals, BusError> {
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
+    let (farewell, mut loader_left) = oneshot::channel();
+    let (handle, ended) = start_loop(configuration, Epoch(0), incident_sender, Some(farewell))?;
+    let mut listener = listen(bind, secret).await?;
+    say(listener.address())?;
+    let why = loop {
+        tokio::select! {
+            // What is refused is in the text log.
+            arrival = listener.arrival() => drop(admit(arrival, &handle)),
+            Some(_) = incidents.recv() => {}
+            left = &mut loader_left => match left {
+                Ok(()) => break "the loader has left",
+                Err(_) => {
+                    ended.await.map_err(|_| BusError::LoopEnded)??;
+                    return Err(BusError::LoopEnded);
+                }
+            },
+            Some(()) = interrupt.recv() => break "SIGINT",
+            Some(()) = terminate.recv() => break "SIGTERM",
+        }
+    };
+    tracing::info!("{why}: the end");
+    handle.send(Command::Finish { lost: Vec::new() })?;
+    let finished = timeout(FINISH_DEADLINE, ended).await.map_err(|_| BusError::Unfinished)?;
+    finished.map_err(|_| BusError::LoopEnded)??.ok_or(BusError::LoopEnded)
+}
+
+/// Whoever started this process waits for the line.
+fn say(address: SocketAddr) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{address}")?;
+    out.flush()
+}
+
+fn named(path: &Path, error: &io::Error) -> io::Error {
+    io::Error::new(error.kind(), format!("{}: {error}", path.display()))
+}

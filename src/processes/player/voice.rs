@@ -1,0 +1,177 @@
+//! One connection to the bus: a node's or the master's, on a thread of its own. It says again what was said, one
+//! request at a time, and holds every answer against the recorded one.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::Receiver;
+
+use super::latency::Latencies;
+use crate::ids::Epoch;
+use crate::machine::transaction::{Kind, Transaction};
+use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault};
+use crate::protocol::hello::{Hello, Role, RunToken};
+use crate::protocol::memory::{MemoryReply, MemoryRequest};
+
+/// For the bus to answer.
+const DEADLINE: Duration = Duration::from_secs(10);
+
+/// When a request is due.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Due {
+    /// As soon as the one before it was answered.
+    AtOnce,
+    /// So long after `start` as it was asked for after the first.
+    Recorded { start: Instant, first_request: u64 },
+}
+
+/// What one voice did.
+#[derive(Clone, Debug)]
+pub(super) struct Tally {
+    /// By [`Kind`].
+    pub(super) transactions: [u64; Kind::COUNT],
+    pub(super) bytes: [u64; Kind::COUNT],
+    pub(super) mismatches: u64,
+    /// Of the lowest sequence.
+    pub(super) first_mismatch: Option<(u64, String)>,
+    pub(super) latencies: Latencies,
+    /// The most that a request came later than it was due.
+    pub(super) late: Duration,
+}
+
+impl Tally {
+    pub(super) fn new() -> Self {
+        Self {
+            transactions: [0; Kind::COUNT],
+            bytes: [0; Kind::COUNT],
+            mismatches: 0,
+            first_mismatch: None,
+            latencies: Latencies::new(),
+            late: Duration::ZERO,
+        }
+    }
+
+    pub(super) fn add(&mut self, other: &Self) {
+        for kind in Kind::ALL {
+            self.transactions[kind as usize] += other.transactions[kind as usize];
+            self.bytes[kind as usize] += other.bytes[kind as usize];
+        }
+        self.mismatches += other.mismatches;
+        let found = [self.first_mismatch.take(), other.first_mismatch.clone()];
+        self.first_mismatch = found.into_iter().flatten().min();
+        self.latencies.add_all(&other.latencies);
+        self.late = self.late.max(other.late);
+    }
+
+    fn count(&mut self, row: &Transaction) {
+        self.transactions[row.kind as usize] += 1;
+        self.bytes[row.kind as usize] += u64::from(row.bytes);
+    }
+}
+
+pub(super) struct Voice {
+    connection: BlockingConnection<MemoryRequest, MemoryReply>,
+    tally: Tally,
+}
+
+impl Voice {
+    /// # Errors
+    /// The bus does not answer, or refuses this process.
+    pub(super) fn connect(bus: SocketAddr, role: Role, token: RunToken) -> Result<Self, ConnectionError> {
+        let hello = Hello::new(role, Epoch(0), token);
+        let connection = BlockingConnection::connect(Role::Bus, bus, &hello, DEADLINE)?;
+        Ok(Self { connection, tally: Tally::new() })
+    }
+
+    /// Says all that comes, until nothing more does, or `stop` is closed.
+    ///
+    /// # Errors
+    /// The bus is gone, is silent, or refuses a request.
+    pub(super) fn say_all(
+        mut self,
+        rows: &Receiver<Vec<Transaction>>,
+        due: Due,
+        stop: &Receiver<()>,
+    ) -> Result<Tally, ConnectionError> {
+        for rows in rows {
+            for row in rows {
+                if !self.wait(&row, due, stop) {
+                    return Ok(self.tally);
+                }
+                self.say(&row)?;
+            }
+        }
+        Ok(self.tally)
+    }
+
+    /// `false`: it is over.
+    fn wait(&mut self, row: &Transaction, due: Due, stop: &Receiver<()>) -> bool {
+        let Due::Recorded { start, first_request } = due else { return true };
+        let due = start + Duration::from_nanos(row.request_nanoseconds.saturating_sub(first_request));
+        let early = due.saturating_duration_since(Instant::now());
+        if !early.is_zero() && !stop.recv_timeout(early).is_err_and(|error| error.is_timeout()) {
+            return false;
+        }
+        self.tally.late = self.tally.late.max(Instant::now().saturating_duration_since(due));
+        true
+    }
+
+    fn say(&mut self, row: &Transaction) -> Result<(), ConnectionError> {
+        let Some(request) = request(row) else {
+            // The score has refused all such logs.
+            return Err(self.connection.error(Fault::Unexpected(format!("nobody says row {}", row.sequence))));
+        };
+        let sent = Instant::now();
+        self.connection.send(&request, &[])?;
+        if row.crc32c.is_some() {
+            let (reply, data) = self.connection.receive()?;
+            self.tally.latencies.add(sent.elapsed());
+            let found = (data.len(), crc32c::crc32c(data));
+            let fault = match reply {
+                MemoryReply::Data { .. } => None,
+                MemoryReply::Stored => Some(Fault::Unexpected("it says that it stored, but was asked for data".into())),
+                MemoryReply::Refused(why) => Some(Fault::RefusedUs(why)),
+            };
+            if let Some(fault) = fault {
+                return Err(self.connection.error(fault));
+            }
+            self.compare(row, found);
+        }
+        self.tally.count(row);
+        Ok(())
+    }
+
+    fn compare(&mut self, row: &Transaction, (bytes, crc32c): (usize, u32)) {
+        let expected = row.crc32c.unwrap_or_default();
+        if (bytes, crc32c) == (row.bytes as usize, expected) {
+            return;
+        }
+        self.tally.mismatches += 1;
+        self.tally.first_mismatch.get_or_insert_with(|| {
+            let address = row.address.unwrap_or_default();
+            let asked = format!("sequence {}, {} at {address}", row.sequence, row.kind.name());
+            let was = format!("recorded were {} bytes with crc32c {expected:#010x}", row.bytes);
+            (row.sequence, format!("{asked}: {was}, the bus sent {bytes} with {crc32c:#010x}"))
+        });
+    }
+}
+
+/// `None` for what neither nodes nor the master say.
+fn request(row: &Transaction) -> Option<MemoryRequest> {
+    let bytes = row.bytes;
+    Some(match row.kind {
+        Kind::Fetch => MemoryRequest::Fetch {
+            tile: row.tile?,
+            attempt: row.attempt?,
+            section: row.section?,
+            address: row.address?,
+            line_bytes: u16::try_from(bytes.checked_div(row.lines?.count_ones())?).ok()?,
+            lines: row.lines?,
+            accesses_before: row.accesses_before?,
+        },
+        Kind::Bulk => MemoryRequest::Bulk { address: row.address?, bytes },
+        Kind::Job => MemoryRequest::Job { node: row.node?, tile: row.tile?, attempt: row.attempt?, bytes },
+        Kind::Pixels => MemoryRequest::Pixels { tile: row.tile?, attempt: row.attempt?, bytes },
+        Kind::Allocate | Kind::Write | Kind::Publish => return None,
+    })
+}

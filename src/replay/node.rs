@@ -1,0 +1,48 @@
+//! One node's local memory, over all that its processes traced.
+
+use super::TraceError;
+use super::count::{Replayer, Tally};
+use super::setting::Policy;
+use super::subject::Subject;
+use crate::machine::local_memory::Geometry;
+use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+
+/// Replays the processes of a node one after the other, each with an empty memory at its beginning.
+///
+/// # Errors
+/// The trace's; optimal replacement, which no memory has that does not know what comes
+/// ([`optimal`](super::optimal::optimal) counts it).
+pub fn replay_node<S: Subject>(
+    subject: &S,
+    processes: &[Vec<u32>],
+    policy: Policy,
+    geometry: Geometry,
+    tally: &mut impl Tally,
+) -> Result<(), TraceError> {
+    match policy {
+        Policy::Lru => through::<Lru, _>(subject, processes, geometry, tally),
+        Policy::Fifo => through::<Fifo, _>(subject, processes, geometry, tally),
+        Policy::Clock => through::<Clock, _>(subject, processes, geometry, tally),
+        Policy::Random => through::<Random, _>(subject, processes, geometry, tally),
+        Policy::Optimal => {
+            Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()))
+        }
+    }
+}
+
+fn through<R: Replacement, S: Subject>(
+    subject: &S,
+    processes: &[Vec<u32>],
+    geometry: Geometry,
+    tally: &mut impl Tally,
+) -> Result<(), TraceError> {
+    let lines = subject.lines(geometry.line_bytes);
+    let mut replayer = Replayer::<R, _>::new(&lines, geometry, subject.seed());
+    for (epoch, tiles) in processes.iter().enumerate() {
+        if epoch > 0 {
+            replayer.clear();
+        }
+        tiles.iter().try_for_each(|&tile| replayer.tile(subject, tile, tally))?;
+    }
+    Ok(())
+}

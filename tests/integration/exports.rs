@@ -1,0 +1,176 @@
+//! What is exported of recorded references, read by the tools that its users have.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use marti::machine::local_memory::Geometry;
+use marti::machine::replacement::{Clock, Fifo, Lru, Replacement};
+use marti::recording::references::Recording;
+use marti::replay::count::{Replayer, Sum};
+use marti::replay::exporters::accesses::Surroundings;
+use marti::replay::exporters::{ExportError, csv, din, json, oracle_general};
+use marti::replay::optimal::optimal;
+use marti::replay::{Lines, RecordLines, Trace};
+use serde_json::Value;
+
+use crate::command::{TEAPOT, marti, python_with, stderr};
+
+const LINE_BYTES: u32 = 64;
+
+/// A recorded run of one node in the folder: its references, and its tiles in order.
+fn recorded(folder: &Path) -> (Recording, Vec<u32>) {
+    let mut command = marti();
+    command.args(["run", TEAPOT, "--quiet", "--record", "references", "--set", "cluster.nodes=1", "--out"]).arg(folder);
+    let output = command.args(["--set", "cluster.local_memory.size=1/8"]).output().expect("marti can be started");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let opened = Recording::open(folder).expect("a recording");
+    assert_eq!(opened.faults, Vec::<String>::new());
+    let tiles = (0..opened.recording.tiles().len() as u32).collect();
+    (opened.recording, tiles)
+}
+
+fn exported(
+    folder: &Path,
+    name: &str,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<u64, ExportError>,
+) -> (PathBuf, u64) {
+    let path = folder.join(name);
+    let mut file = BufWriter::new(File::create(&path).expect("a file in a temporary folder"));
+    let count = write(&mut file).expect("room in a temporary folder");
+    file.into_inner().expect("room in a temporary folder");
+    (path, count)
+}
+
+fn python(script: &str, arguments: &[&str]) -> Value {
+    let output = Command::new("python3").args(["-c", script]).args(arguments).output().expect("python3 can be started");
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).expect("the script prints JSON")
+}
+
+fn surroundings(recording: &Recording) -> Surroundings<'_> {
+    Surroundings { layout: &recording.layout, levels: &recording.octree_levels, tiling: recording.tiling }
+}
+
+/// Counts by each column of few values, and a sum that depends on all others.
+const ROWS: &str = r#"
+import sys, json, duckdb, pyarrow.csv
+csv, lines = sys.argv[1:]
+def counts(table):
+    by = lambda column: dict(duckdb.sql(f"select coalesce({column}::varchar, 'none'), count(*) from {table} group by 1").fetchall())
+    total = duckdb.sql(f"select count(*), sum((x + 1000 * y + 17 * record + tile) * 3 + address), sum(bytes) from {table}")
+    return [by("ray"), by("section"), by("level"), [int(value) for value in total.fetchone()]]
+arrow = pyarrow.csv.read_csv(csv)
+print(json.dumps({
+    "duckdb_csv": counts(f"read_csv('{csv}')"),
+    "duckdb_json": counts(f"read_json('{lines}', format='newline_delimited')"),
+    "pyarrow": counts("arrow"),
+    "columns": arrow.column_names,
+}))
+"#;
+
+#[test]
+fn duckdb_and_pyarrow_read_rows_and_objects() {
+    if !python_with("pyarrow, duckdb", "duckdb_and_pyarrow_read_rows_and_objects") {
+        return;
+    }
+    let out = tempfile::tempdir().expect("temporary folder");
+    let (recording, tiles) = recorded(out.path());
+    let (rows, count) =
+        exported(out.path(), "x.csv", |file| csv::write(file, &recording, &tiles, surroundings(&recording)));
+    let (objects, objects_count) =
+        exported(out.path(), "x.json", |file| json::write(file, &recording, &tiles, surroundings(&recording)));
+    assert_eq!((count, objects_count), (recording.references, recording.references));
+
+    let read = python(ROWS, &[&rows.to_string_lossy(), &objects.to_string_lossy()]);
+    let expected = &read["duckdb_csv"];
+    assert_eq!(expected[3][0], count);
+    assert_eq!(&read["duckdb_json"], expected);
+    assert_eq!(&read["pyarrow"], expected);
+    assert_eq!(read["columns"], serde_json::json!(csv::HEADER.split(',').collect::<Vec<_>>()));
+    // Only octree nodes have a level.
+    let other: u64 = expected[1]
+        .as_object()
+        .expect("sections")
+        .iter()
+        .map(|(name, count)| if name == "octree_nodes" { 0 } else { count.as_u64().expect("a count") })
+        .sum();
+    assert_eq!(expected[2]["none"], other);
+}
+
+/// Misses of each policy at each size: whole references, not shares.
+const LIBCACHESIM: &str = r#"
+import sys, json, libcachesim as l
+path, line, sizes = sys.argv[1], int(sys.argv[2]), [int(size) for size in sys.argv[3:]]
+def requests():
+    return l.TraceReader(path, l.TraceType.ORACLE_GENERAL_TRACE, l.ReaderInitParam())
+policies = {
+    "lru": lambda size: l.LRU(size),
+    "fifo": lambda size: l.FIFO(size),
+    # A line is referenced when it is filled, too; by default it is not.
+    "clock": lambda size: l.Clock(size, init_freq=1, n_bit_counter=1),
+    "optimal": lambda size: l.Belady(size),
+}
+count = requests().get_num_of_req()
+misses = {name: [sum(not cache.get(request) for cache in [policy(size * line)] for request in requests()) for size in sizes]
+          for name, policy in policies.items()}
+first = [[r.clock_time, r.obj_id, r.obj_size, r.next_access_vtime] for r, _ in zip(requests(), range(5))]
+print(json.dumps({"references": count, "misses": misses, "first": first}))
+"#;
+
+fn misses<R: Replacement>(
+    recording: &Recording,
+    tiles: &[u32],
+    lines: &RecordLines,
+    geometries: &[Geometry],
+) -> Vec<u64> {
+    let count = |&geometry: &Geometry| {
+        let mut replayer = Replayer::<R, _>::new(lines, geometry, 0);
+        let mut sum = Sum::new(recording);
+        tiles.iter().for_each(|&tile| replayer.tile(recording, tile, &mut sum).expect("a sound recording"));
+        sum.finish().line_misses
+    };
+    geometries.iter().map(count).collect()
+}
+
+#[test]
+fn libcachesim_counts_the_same_misses() {
+    if !python_with("libcachesim", "libcachesim_counts_the_same_misses") {
+        return;
+    }
+    let out = tempfile::tempdir().expect("temporary folder");
+    let (recording, tiles) = recorded(out.path());
+    let lines = RecordLines::new(&recording.layout, LINE_BYTES);
+    let (path, count) =
+        exported(out.path(), "x.bin", |file| oracle_general::write(file, &recording, &tiles, &lines, LINE_BYTES));
+    let sizes = [64, 32, 16, 8, 4].map(|share| (lines.count() / share).max(16));
+    let geometries = sizes.map(|ways| Geometry { line_bytes: LINE_BYTES, image_lines: lines.count(), sets: 1, ways });
+
+    let mut arguments = vec![path.to_string_lossy().into_owned(), LINE_BYTES.to_string()];
+    arguments.extend(sizes.iter().map(u32::to_string));
+    let counted = python(LIBCACHESIM, &arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(counted["references"], count);
+    let optimum = optimal(&recording, &tiles, &lines, &geometries).expect("a sound recording");
+    let expected = serde_json::json!({
+        "lru": misses::<Lru>(&recording, &tiles, &lines, &geometries),
+        "fifo": misses::<Fifo>(&recording, &tiles, &lines, &geometries),
+        "clock": misses::<Clock>(&recording, &tiles, &lines, &geometries),
+        "optimal": optimum.iter().map(|totals| totals.line_misses).collect::<Vec<_>>(),
+    });
+    eprintln!("{count} line references, memories of {sizes:?} lines: {expected}");
+    assert_eq!(counted["misses"], expected);
+}
+
+#[test]
+fn din_has_a_line_for_each_reference() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let (recording, tiles) = recorded(out.path());
+    let lines = RecordLines::new(&recording.layout, LINE_BYTES);
+    let (path, count) = exported(out.path(), "x.din", |file| din::write(file, &recording, &tiles, &lines, LINE_BYTES));
+    let text = std::fs::read_to_string(path).expect("what was written");
+    assert_eq!(text.lines().count() as u64, count);
+    let address = |line: &str| u64::from_str_radix(line.strip_prefix("0 ").expect("a read"), 16).expect("an address");
+    let places = text.lines().map(address);
+    assert!(places.into_iter().all(|address| address % 64 == 0 && address < recording.layout.image_bytes()));
+}
