@@ -119,6 +119,12 @@ impl StudyOutput {
         let json = json(study)?;
         atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
         let html = page().to_string();
-        atomic_file::write(&folder.join("study.html"), |file| file.write_all(html.as_bytes())).map_err(failed)
+        let path = folder.join("study.html");
+        atomic_file::write(&path, |file| file.write_all(html.as_bytes())).map_err(failed)?;
+        if !self.quiet {
+            // Nobody is left to be told that standard error is closed.
+            let _ = writeln!(io::stderr(), "charts: {}", path.display());
+        }
+        Ok(())
     }
 }
