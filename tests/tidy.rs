@@ -56,6 +56,12 @@ fn the_core_is_pure() {
 }
 
 #[test]
+fn studies_replay_and_start_nothing() {
+    let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
+    forbid("src/study", &outer, &[], "a study is a function of its scenes");
+}
+
+#[test]
 fn no_process_imports_another() {
     let processes = ["manager", "master", "node", "bus", "display", "player"];
     for process in processes {
@@ -73,6 +79,7 @@ fn each_foreign_thing_has_its_place() {
     forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
     forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
     forbid("src", &["toml::"], &["src/topology"], "only topologies are TOML");
+    forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
     forbid("src", &["mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
 }
 

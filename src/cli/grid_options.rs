@@ -9,7 +9,7 @@ use crate::topology::TileOrder;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What is varied")]
-pub(super) struct GridOptions {
+pub(in crate::cli) struct GridOptions {
     /// Sizes of a node's local memory: "all", shares such as 1/8, bytes such as "64 KiB"; ranges double
     #[arg(long, value_name = "LIST")]
     local_memory: Option<List<Size>>,
@@ -63,7 +63,7 @@ pub(super) const SETTINGS: [&str; 10] = [
 ];
 
 impl GridOptions {
-    pub(super) fn grid(&self) -> Grid {
+    pub(in crate::cli) fn grid(&self) -> Grid {
         fn values<T: Copy, U>(list: &Option<List<T>>, value: impl Fn(T) -> U) -> Vec<U> {
             list.iter().flat_map(|list| list.0.iter().map(|&one| value(one))).collect()
         }
@@ -86,7 +86,7 @@ impl GridOptions {
     }
 
     /// What decides nothing but times.
-    pub(super) fn varies_bus(&self) -> bool {
+    pub(in crate::cli) fn varies_bus(&self) -> bool {
         self.bus_width.is_some() || !self.arbiter.is_empty()
     }
 }

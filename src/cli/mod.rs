@@ -108,6 +108,8 @@ mod tests {
             "marti verify teapot:12 --rays 1000 --seed 7 --scale 1e-12 --translate -1e6 --json",
             "marti verify --watertight --rays 1000000000 --seed 2",
             "marti schema topology",
+            "marti study paper --format json --out o -q",
+            "marti study sweep t.toml --set a.b=1 --local-memory 1/32..1/4 --line 16,64 --nodes 4,9 --timings --format csv",
         ] {
             assert!(parse(line).is_ok(), "{line}: {}", parse(line).expect_err("refused"));
         }
@@ -142,6 +144,9 @@ mod tests {
             ("marti verify gears --translate inf", "expected a finite number"),
             ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti scene gears --size -1", "unexpected argument"),
+            ("marti study", "paper"),
+            ("marti study paper --format xml", "possible values: text, json, csv"),
+            ("marti study sweep t.toml --nodes 0", "expected an integer from 1 to 256"),
             ("marti schema report", "possible values: topology"),
         ] {
             let error = parse(line).expect_err(line);

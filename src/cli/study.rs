@@ -83,7 +83,7 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
     let found = Paper::study(|what| steps.begin(what));
     steps.clear();
     let paper = found.map_err(|error| Failure::failed(error.to_string()))?;
-    output.write(&paper, || Ok(paper::page(&paper)))?;
+    output.write(&paper, || paper::page(&paper))?;
     print(&match output.format {
         Format::Text => paper::text(&paper),
         Format::Json => json(&paper)?,
@@ -92,15 +92,16 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
 }
 
 fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
-    let SweepArguments { output, grid, timings, .. } = arguments;
+    let SweepArguments { output, grid, .. } = arguments;
+    let timings = arguments.timings || grid.varies_bus();
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
     let steps = Steps::new(output.quiet, sweep::STEPS);
-    let found = Sweep::study(&topology, &grid.grid(), *timings, |what| steps.begin(what));
+    let found = Sweep::study(&topology, &grid.grid(), timings, |what| steps.begin(what));
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
     let table = Table::new(&sweep.rows)?;
     let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
-    output.write(&sweep, || Ok(sweep::page(&sweep, text())))?;
+    output.write(&sweep, || sweep::page(&sweep, text()))?;
     print(&match output.format {
         Format::Text => text(),
         Format::Json => json(&sweep)?,
@@ -110,13 +111,19 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
 
 impl StudyOutput {
     /// Into the folder, if there is to be one.
-    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Result<Page, Failure>) -> Result<(), Failure> {
+    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Page) -> Result<(), Failure> {
         let Some(folder) = &self.out else { return Ok(()) };
         let failed = |error: io::Error| Failure::failed(error.to_string());
         fs::create_dir_all(folder).map_err(|error| Failure::failed(format!("{}: {error}", folder.display())))?;
         let json = json(study)?;
         atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
-        let html = page()?.to_string();
-        atomic_file::write(&folder.join("study.html"), |file| file.write_all(html.as_bytes())).map_err(failed)
+        let html = page().to_string();
+        let path = folder.join("study.html");
+        atomic_file::write(&path, |file| file.write_all(html.as_bytes())).map_err(failed)?;
+        if !self.quiet {
+            // Nobody is left to be told that standard error is closed.
+            let _ = writeln!(io::stderr(), "charts: {}", path.display());
+        }
+        Ok(())
     }
 }

@@ -175,18 +175,57 @@ impl Chart {
         Ok(())
     }
 
-    /// The upper corner that is emptier.
+    /// Where it hides the fewest points.
     fn legend_at(&self) -> SeriesLabelPosition {
-        let points = self.series.iter().flat_map(|series| &series.points);
-        let (mut left, mut right) = (0.0f64, 0.0f64);
-        for &(x, y) in points {
-            let (x, y) = (self.x.share(x), self.y.share(y));
-            if x < 0.4 {
-                left = left.max(y);
-            } else if x > 0.6 {
-                right = right.max(y);
-            }
+        let height = 0.09 * self.series.len() as f64;
+        let points: Vec<(f64, f64)> = self
+            .series
+            .iter()
+            .flat_map(|series| &series.points)
+            .map(|&(x, y)| (self.x.share(x), self.y.share(y)))
+            .collect();
+        let hidden = |&(_, left, lower): &(SeriesLabelPosition, f64, f64)| {
+            let is_below =
+                |&&(x, y): &&(f64, f64)| (left..=left + 0.5).contains(&x) && (lower..=lower + height).contains(&y);
+            points.iter().filter(is_below).count()
+        };
+        let places = [
+            (SeriesLabelPosition::UpperRight, 0.5, 1.0 - height),
+            (SeriesLabelPosition::UpperLeft, 0.0, 1.0 - height),
+            (SeriesLabelPosition::MiddleLeft, 0.0, 0.5 - height / 2.0),
+            (SeriesLabelPosition::MiddleRight, 0.5, 0.5 - height / 2.0),
+            (SeriesLabelPosition::LowerLeft, 0.0, 0.0),
+            (SeriesLabelPosition::LowerRight, 0.5, 0.0),
+        ];
+        places.into_iter().min_by_key(hidden).map_or(SeriesLabelPosition::UpperRight, |(place, ..)| place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ticks(axis: &Axis) -> Vec<&str> {
+        axis.ticks.iter().map(|(_, label)| label.as_str()).collect()
+    }
+
+    #[test]
+    fn axes_end_at_round_numbers() {
+        for (most, expected) in [
+            (33.3, &["0", "5", "10", "15", "20", "25", "30", "35"][..]),
+            (0.0581, &["0.00", "0.01", "0.02", "0.03", "0.04", "0.05", "0.06"]),
+            (1.0, &["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+            (0.0, &["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+        ] {
+            assert_eq!(ticks(&Axis::from_zero("y", most)), expected, "{most}");
         }
-        if left < right { SeriesLabelPosition::UpperLeft } else { SeriesLabelPosition::UpperRight }
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_octaves_of_the_same_length() {
+        let axis = Axis::logarithmic("x", (1.0, 64.0), Vec::new());
+        let places = [1.0, 2.0, 8.0, 64.0].map(|value| axis.map(&value, (0, 600)));
+        assert_eq!(places, [0, 100, 300, 600]);
+        assert_eq!(Axis::linear("x", (0.0, 10.0), Vec::new()).map(&5.0, (400, 0)), 200);
     }
 }

@@ -222,3 +222,49 @@ fn by_level(sweep: &Sweep) -> Figure {
     let chart = Chart { title: "Nodes and accesses by octree level".to_owned(), x, y, series };
     Figure { chart, caption: format!("{}, {}; all rays.", sweep.scene, octree(sweep.octree)) }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::study::published::share;
+    use crate::topology::Override;
+
+    fn topology(overrides: &[&str]) -> Topology {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("topologies/teapot.toml");
+        let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
+        Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    const SMALL: [&str; 4] = ["scene.size=2", "image.width=32", "image.height=32", "image.tile=4"];
+
+    #[test]
+    fn every_combination_is_a_row_and_lies_on_its_curve() {
+        let topology = topology(&[&SMALL[..], &["run.assignment=interleaved"]].concat());
+        let grid =
+            Grid { local_memory: vec![share(8), share(2)], line: vec![16, 64], nodes: vec![1, 3], ..Grid::default() };
+        let sweep = Sweep::study(&topology, &grid, true, |_| ()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((sweep.rows.len(), sweep.traffic.len()), (8, 4));
+        for row in &sweep.rows {
+            let of = |t: &&Traffic| (t.conditions.line_bytes, t.nodes) == (row.setting.line, row.setting.nodes);
+            let traffic = sweep.traffic.iter().find(of).expect("a curve");
+            let size = traffic.size(row.setting.local_memory).expect("a size");
+            assert_eq!((row.misses, row.words_moved, row.words_read), {
+                (size.counts.misses, size.counts.words_moved, size.counts.words_read)
+            });
+            assert!(row.exact && row.efficiency.is_some());
+        }
+        assert_eq!(sweep.rays[RayKind::Primary as usize], 32 * 32);
+        let page = page(&sweep, "table".to_owned());
+        assert_eq!(page.figures.len(), 4);
+        assert_eq!(page.figures[2].chart.series.len(), 4, "a line a combination of memory and line");
+    }
+
+    #[test]
+    fn nothing_is_recorded() {
+        let grid = Grid { assignment: vec![Assignment::Recorded], ..Grid::default() };
+        let error = Sweep::study(&topology(&SMALL), &grid, false, |_| ()).expect_err("nothing is recorded");
+        assert_eq!(error.to_string(), "nothing is recorded: expected interleaved or on-demand");
+    }
+}

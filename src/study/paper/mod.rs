@@ -112,14 +112,26 @@ pub enum PaperError {
 pub const STEPS: u32 = 2 * (GEARS.octrees.len() + TEAPOT.octrees.len()) as u32 + 3;
 
 impl Paper {
-    /// Traces and replays; takes a minute or two on two processors. `tell` is told what is begun.
+    /// Traces and replays; takes half a minute on two processors. `tell` is told what is begun.
     ///
     /// # Errors
     /// There is no room for temporary files; the paper's scenes, which this program makes itself, are in order.
     pub fn study(tell: impl Fn(&str)) -> Result<Self, PaperError> {
         let (side, tile) = (published::IMAGE_SIDE, published::TILE_SIDE);
         let tiling = Tiling { width: side, height: side, tile_width: tile, tile_height: tile };
-        let mut paper = Self {
+        let mut paper = Self::empty(tiling);
+        tell("Figure 1: the teapot through octrees of fewer levels");
+        paper.figure1 = figure1::figures(&TEAPOT, &paper)?;
+        for scene in [&GEARS, &TEAPOT] {
+            for (i, &octree) in scene.octrees.iter().enumerate() {
+                paper.octree(scene, octree, i == 0, &tell)?;
+            }
+        }
+        Ok(paper)
+    }
+
+    fn empty(tiling: Tiling) -> Self {
+        Self {
             format: FORMAT,
             tiling,
             depth: ImageSettings::DEPTH_DEFAULT,
@@ -130,15 +142,7 @@ impl Paper {
             processors: Vec::new(),
             contention: Vec::new(),
             widths: Vec::new(),
-        };
-        tell("Figure 1: the teapot through octrees of fewer levels");
-        paper.figure1 = figure1::figures(&TEAPOT, &paper)?;
-        for scene in [&GEARS, &TEAPOT] {
-            for (i, &octree) in scene.octrees.iter().enumerate() {
-                paper.octree(scene, octree, i == 0, &tell)?;
-            }
         }
-        Ok(paper)
     }
 
     /// Traces a scene with one octree, and replays it through all that is tried.
@@ -198,5 +202,75 @@ impl Paper {
 impl PaperScene {
     pub fn source(&self) -> SceneSource {
         SceneSource::Procedural(self.scene)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::sample;
+
+    const OCTREE: Octree = leaves(8, 6);
+
+    /// The paper's study of a scene that is not the paper's.
+    fn small() -> Paper {
+        let scene = PaperScene {
+            scene: Procedural { kind: Kind::Gears, size: 1 },
+            figure: "Figure 0",
+            octrees: &[OCTREE],
+            table: published::TABLE_GEARS,
+        };
+        let mut paper = Paper::empty(sample::TILING);
+        paper.figure1 = figure1::figures(&scene, &paper).expect("a scene");
+        paper.octree(&scene, OCTREE, true, &|_| ()).expect("a scene");
+        paper
+    }
+
+    #[test]
+    fn every_figure_is_in_the_csv_and_the_json() {
+        let paper = small();
+        let csv = csv(&paper);
+        let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+        assert!(rows.iter().all(|row| row.len() == 10), "{csv}");
+        let count = |part: &str| rows.iter().filter(|row| row[0] == part).count();
+        assert_eq!(count("table 1"), LINES.len() * 4 * 4);
+        assert_eq!(count("replacement"), 5 * 4);
+        assert_eq!(count("traffic"), LINES.len() * published::NODES.len() * (SIZES.len() * 8 + 1));
+        assert_eq!(rows.iter().filter(|row| row[0].starts_with("contention")).count() % 13, 0);
+        assert!(rows[1..].iter().all(|row| row[8].parse::<f64>().is_ok()), "{csv}");
+
+        let json = serde_json::to_value(&paper).expect("JSON");
+        assert_eq!(json["table1"][0]["published"][3], 0.027);
+        assert_eq!(json["traffic"][0]["sizes"][0]["local_memory"], "1/32");
+        assert_eq!(json["contention"][0]["rows"].as_array().map(Vec::len), Some(NODES.len()));
+        assert_eq!(json["widths"].as_array().map(Vec::len), Some(LINES.len() * WIDTHS.len()));
+    }
+
+    #[test]
+    fn figure_1_is_the_tracers_and_fewer_levels_cost_more_tests() {
+        let paper = small();
+        let [figure] = &paper.figure1[..] else { panic!("one octree") };
+        assert_eq!(figure.levels.iter().map(|level| level.accesses).sum::<u64>(), figure.effort.octree_accesses);
+        assert_eq!(figure.effort.levels, 7);
+        assert_eq!((figure.without_deepest.effort.levels, figure.only_top.effort.levels), (3, 4));
+        assert!(figure.without_deepest.primitive_tests > figure.only_top.primitive_tests);
+        assert!(figure.only_top.primitive_tests > 1.0);
+    }
+
+    #[test]
+    fn table_1_is_the_traffic_of_nine_nodes() {
+        let paper = small();
+        let table = paper.table1.iter().find(|table| table.ratio == crate::study::counts::Ratio::WordsMovedPerWordRead);
+        let (table, traffic) = (table.expect("a definition"), &paper.traffic[1]);
+        assert_eq!((traffic.nodes, traffic.conditions.line_bytes), (9, table.conditions.line_bytes));
+        for (size, found) in published::TABLE_SIZES.into_iter().zip(table.found) {
+            let size = traffic.size(size).expect("replayed");
+            assert_eq!(found, traffic.bus_shares(size)[0]);
+        }
+        let text = text(&paper);
+        for part in ["FIGURE 1", "FIGURE 6", "FIGURE 7", "TABLE 1", "OTHER", "THE BUS", "THIRTY-SEVEN", "CONTENTION"] {
+            assert!(text.contains(part), "{part}");
+        }
+        assert!(page(&paper).to_string().ends_with("</html>\n"));
     }
 }

@@ -256,9 +256,9 @@ pub(in crate::study) fn contentions(out: &mut String, all: &[Contention]) -> std
     writeln!(
         out,
         "CONTENTION  Nodes that share a bus, in simulated cycles; LRU, tiles on demand, row by row. A processor takes {} \
-         cycles an\noctree node, {} a primitive test, {} a shading, {} a record read; the bus moves {} bytes in {} cycles \
-         after {} of latency,\n{}, {}. Formulae: closed networks with the mean times of that\nsimulation, service times \
-         all the same (M/D/1//N) or exponential (mean value analysis).\n",
+         cycles an\noctree node, {} a primitive test, {} a shading, {} a record read; a bus word of {} bytes takes {}, after a \
+         latency of {};\nthe bus is {}, granted {}. Each simulated figure stands before what queueing\ntheory expects of a closed \
+         network with the same mean times: services all the same (M/D/1//N), or exponential (MVA).\n",
         processor.octree_node,
         processor.primitive_test,
         processor.shading,
@@ -300,7 +300,7 @@ fn contention_table(out: &mut String, contention: &Contention) -> std::fmt::Resu
         "mean wait",
         "fixed",
         "exponential",
-        "99 of 100",
+        "99% wait",
     ]);
     for row in &found.rows {
         table.row(vec![
