@@ -14,6 +14,7 @@ use super::timing::{Timing, simulate_setting};
 use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::Word;
+use crate::topology::TileOrder;
 
 /// A row of a replay's table.
 #[derive(Clone, PartialEq, Debug, Serialize)]
@@ -51,6 +52,9 @@ pub struct Row {
 /// Why nobody can tell what a live run would count.
 const ON_DEMAND: &str =
     "on demand, tiles go to the nodes that are first by the topology's cost model, which no live run follows exactly";
+
+/// Why an interrupted run predicts no other one.
+const TILES_MISSING: &str = "the recorded run ended before all tiles were traced: those that are missing count nowhere";
 
 /// What is to be simulated.
 #[derive(Clone, Debug, Default)]
@@ -95,6 +99,7 @@ pub fn evaluate<S: Subject>(
         geometries.push(geometry.map_err(|error| TraceError(format!("local memory: {error}")))?);
     }
     let words_read = words_read(subject)?;
+    let is_whole = subject.ordered(TileOrder::Scanline).iter().all(Option::is_some);
     let schedules: Vec<_> = settings.iter().map(|setting| schedule(subject, setting)).collect();
     let mut jobs = Vec::new();
     for (i, setting) in settings.iter().enumerate() {
@@ -130,7 +135,7 @@ pub fn evaluate<S: Subject>(
     }
     let rows = settings.iter().zip(&geometries).zip(sums);
     let row = |((setting, geometry), sum): ((&Setting, &Geometry), _)| {
-        Row::new(*setting, *geometry, sum, words_read, evaluation)
+        Row::new(*setting, *geometry, sum, words_read, is_whole, evaluation)
     };
     let mut rows: Vec<Row> = rows.map(row).collect();
     if evaluation.classes {
@@ -196,12 +201,16 @@ impl Row {
         geometry: Geometry,
         (totals, timing): (Totals, Option<Timing>),
         words_read: u64,
+        is_whole: bool,
         evaluation: &Evaluation,
     ) -> Self {
         let words_moved = totals.line_misses * u64::from(geometry.line_bytes) / 4;
         let ratio = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
-        let is_on_demand = setting.assignment == Assignment::OnDemand;
-        let reason = evaluation.damage.clone().or_else(|| is_on_demand.then(|| ON_DEMAND.to_owned()));
+        let reason = evaluation.damage.clone().or_else(|| match setting.assignment {
+            Assignment::Recorded => None,
+            Assignment::OnDemand => Some(ON_DEMAND.to_owned()),
+            Assignment::Interleaved => (!is_whole).then(|| TILES_MISSING.to_owned()),
+        });
         Self {
             setting,
             local_bytes: geometry.local_bytes(),

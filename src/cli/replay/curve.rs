@@ -30,6 +30,8 @@ struct Row {
     line_misses: u64,
     words_moved: u64,
     misses_per_record_access: f64,
+    /// Whether a live run would count the same.
+    exact: bool,
 }
 
 pub(super) fn print_curves<S: Subject>(
@@ -37,6 +39,7 @@ pub(super) fn print_curves<S: Subject>(
     settings: &[Setting],
     format: Format,
     is_verified: bool,
+    is_damaged: bool,
 ) -> Result<(), Failure> {
     let mut rows = Vec::new();
     let mut seen = Vec::new();
@@ -50,6 +53,7 @@ pub(super) fn print_curves<S: Subject>(
             curves_of(subject, setting, format, is_verified, &mut rows)?;
         }
     }
+    rows.iter_mut().for_each(|row| row.exact = !is_damaged);
     print(&Table::new(&rows)?.print(format, &["line", "nodes"]))
 }
 
@@ -91,6 +95,7 @@ fn curves_of<S: Subject>(
                 line_misses: counts.line_misses,
                 words_moved: counts.line_misses * u64::from(setting.line) / 4,
                 misses_per_record_access: counts.record_misses as f64 / counts.record_accesses.max(1) as f64,
+                exact: true,
             });
         }
     };

@@ -138,7 +138,7 @@ impl ReplayArguments {
     fn print<S: Subject>(&self, subject: &S, settings: &[Setting], damage: Option<String>) -> Result<(), Failure> {
         let Question { curve, verify, contention, timings, classes, .. } = self.question;
         if curve {
-            return curve::print_curves(subject, settings, self.format, verify);
+            return curve::print_curves(subject, settings, self.format, verify, damage.is_some());
         }
         if contention {
             return contention::print_contention(subject, settings, self.grid.has_nodes(), self.format);

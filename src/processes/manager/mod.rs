@@ -168,7 +168,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         quiet: request.quiet,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
-    let recorded = request.record_references.then(|| recorded::Facts::new(topology, &prepared, local_bytes));
+    let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The bus holds the database from here on.
@@ -178,7 +178,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     drop(runtime);
 
     let checks = match recorded {
-        Some(facts) => facts.close(&state, &folder.recording()).map_err(RunError::Output)?,
+        Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
         None => Vec::new(),
     };
     let report = closing::report(&state, facts, checks, start.elapsed());
