@@ -29,7 +29,7 @@ pub struct StudyArguments {
 #[derive(Clone, Debug, Subcommand)]
 enum Study {
     Paper(PaperArguments),
-    Sweep(SweepArguments),
+    Sweep(Box<SweepArguments>),
 }
 
 /// Print the 1991 paper's figures beside this program's
