@@ -3,7 +3,9 @@
 
 pub mod check;
 pub mod failure;
+mod grid_options;
 pub mod inspect;
+mod lists;
 pub mod options;
 pub mod render;
 pub mod replay;
@@ -11,6 +13,7 @@ pub mod run;
 pub mod scene;
 pub mod schema;
 pub mod study;
+mod table;
 pub mod verify;
 mod watertight;
 

@@ -8,9 +8,8 @@ use clap::{Args, Subcommand};
 
 use serde::Serialize;
 
-use super::replay::SETTINGS;
-use super::replay::grid_options::GridOptions;
-use super::replay::table::{Format, Table};
+use super::grid_options::{GridOptions, SETTINGS};
+use super::table::{Format, Table};
 use super::{Failure, json, print};
 use crate::atomic_file;
 use crate::progress::Steps;

@@ -176,3 +176,55 @@ impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
         self.port.corrupt(what)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::replay::captured;
+    use crate::tracer::slices::Slices;
+
+    #[test]
+    fn words_say_what_was_put_into_them() {
+        for record in [0, 1, (1 << 30) - 1] {
+            assert!(Word::read(record).is_read());
+            assert_eq!(Word::read(record).decode(), Some(Event::Read(record)));
+        }
+        for (code, kind) in (0..).zip(RayKind::ALL) {
+            assert_eq!(Word::ray(kind).0, 0xC000_0000 | code);
+            assert_eq!((Word::ray(kind).is_read(), Word::ray(kind).decode()), (false, Some(Event::Ray(kind))));
+        }
+    }
+
+    #[test]
+    fn what_is_reserved_is_nothing_yet() {
+        let kinds = RayKind::COUNT as u32;
+        // Writes, invalidations, ray kinds and marks that there are not.
+        for word in [1 << 30, 1 << 30 | 7, 2 << 30, 3 << 30 | kinds, 3 << 30 | 1 << 24, u32::MAX] {
+            assert_eq!((Word(word).is_read(), Word(word).decode()), (false, None), "{word:#010x}");
+        }
+    }
+
+    #[test]
+    fn a_recorder_gives_full_parts_away_and_keeps_the_order() {
+        let (database, _) = captured::tests::teapot(8, 1);
+        let numbers = RecordNumbers::new(&database.database().header.layout);
+        let records = numbers.section(Section::Triangles).len() as u32;
+        for extra in [0, 1, 77] {
+            let (mut port, mut words, mut parts) = (Slices::new(&database), Vec::new(), Vec::<Vec<u32>>::new());
+            let mut recorder = Recorder::new(&mut port, numbers, &mut words, |part| parts.push(part.to_vec()));
+            let mut expected = Vec::new();
+            // Mark and read in turn.
+            for i in 0..PART_WORDS as u32 + extra / 2 {
+                let (kind, index) = (RayKind::ALL[i as usize % RayKind::COUNT], i % records);
+                recorder.set_ray_kind(kind);
+                let Ok(triangle) = recorder.triangle(index);
+                assert_eq!(Ok(triangle), Slices::new(&database).triangle(index), "what is read goes through");
+                expected.extend([Word::ray(kind).0, numbers.number(Section::Triangles, index)]);
+            }
+            assert!(parts.iter().all(|part| part.len() == PART_WORDS), "all but the last are full");
+            assert!((1..=PART_WORDS).contains(&words.len()), "a tile that just fills its parts has no empty one");
+            parts.push(words);
+            assert_eq!(parts.concat(), expected);
+        }
+    }
+}

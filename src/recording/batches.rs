@@ -72,7 +72,7 @@ impl<F: ReadAt> Batches<F> {
     /// The stream does not begin with such a schema.
     pub fn open(file: F, limits: BatchLimits, columns: &Schema) -> Result<Self, BatchError> {
         let mut frames = Frames::new(file, limits.frame).map_err(|error| of_frame(error, None))?;
-        let first = frames.next().map_err(|error| of_frame(error, None))?;
+        let first = frames.next_frame().map_err(|error| of_frame(error, None))?;
         let fault = |what: String| BatchError { offset: 0, batch: None, what, is_cut: false };
         let first = first.ok_or_else(|| fault("expected a schema, the stream is empty".to_owned()))?;
         let schema = schema(&first).map_err(fault)?;
@@ -101,9 +101,9 @@ impl<F: ReadAt> Batches<F> {
     ///
     /// # Errors
     /// It is not one of these columns. It fails again when called again.
-    pub fn next(&mut self) -> Result<Option<Batch>, BatchError> {
+    pub fn next_batch(&mut self) -> Result<Option<Batch>, BatchError> {
         loop {
-            let frame = self.frames.next().map_err(|error| of_frame(error, Some(self.number)))?;
+            let frame = self.frames.next_frame().map_err(|error| of_frame(error, Some(self.number)))?;
             let Some(frame) = frame else { return Ok(None) };
             match frame.kind {
                 FrameKind::Schema => return Err(self.fault(&frame, "expected a batch, found another schema".into())),

@@ -206,7 +206,7 @@ impl<F: ReadAt> Frames<F> {
     ///
     /// # Errors
     /// There is something else than a frame. The walk does not go on after that: it fails again.
-    pub fn next(&mut self) -> Result<Option<Frame>, FrameError> {
+    pub fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
         if self.end.is_some() {
             return Ok(None);
         }
@@ -327,7 +327,7 @@ mod tests {
         let mut frames = Frames::new(bytes, LIMITS).expect("a length");
         let mut found = Vec::new();
         loop {
-            match frames.next() {
+            match frames.next_frame() {
                 Ok(Some(frame)) => found.push(frame),
                 Ok(None) => return (found, Ok(frames.end().expect("ended"))),
                 Err(error) => return (found, Err(error)),

@@ -39,19 +39,25 @@ impl Totals {
 pub struct Replayer<'a, R, L> {
     lines: &'a L,
     directory: Directory<R>,
+    /// The line of the last reference, if that was a hit. No policy learns anything from hitting it again at once.
+    hit_last: u32,
     words: Vec<u32>,
 }
+
+/// An image has fewer lines.
+const NO_LINE: u32 = u32::MAX;
 
 impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// An empty memory. `geometry` is one of the same lines; `seed` decides random replacement.
     pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Self {
         assert_eq!(geometry.image_lines, lines.count(), "a memory's geometry is resolved for its lines");
-        Self { lines, directory: Directory::new(geometry, seed), words: Vec::new() }
+        Self { lines, directory: Directory::new(geometry, seed), hit_last: NO_LINE, words: Vec::new() }
     }
 
     /// Empties the memory, as a node's next process finds it.
     pub fn clear(&mut self) {
         self.directory.clear();
+        self.hit_last = NO_LINE;
     }
 
     /// Replays a tile of the trace.
@@ -110,17 +116,36 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// References lines in ascending order; returns how many were missing.
     #[inline(always)]
     fn reference(&mut self, first: u32, count: u32) -> u32 {
-        let mut missing = 0;
-        for line in first..first + count {
-            match self.directory.slot(line) {
-                Some(slot) => self.directory.hit(slot),
-                None => {
-                    self.directory.miss(line, self.lines.set(line, self.directory.geometry().sets));
-                    missing += 1;
-                }
+        if count == 1 {
+            return self.misses(first);
+        }
+        (first..first + count).map(|line| self.misses(line)).sum()
+    }
+
+    /// References a line: 1 if it was missing, else 0.
+    #[inline(always)]
+    fn misses(&mut self, line: u32) -> u32 {
+        if line == self.hit_last {
+            return 0;
+        }
+        match self.directory.slot(line) {
+            Some(slot) => {
+                self.directory.hit(slot);
+                self.hit_last = line;
+                0
+            }
+            None => {
+                self.miss(line);
+                1
             }
         }
-        missing
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn miss(&mut self, line: u32) {
+        self.directory.miss(line, self.lines.set(line, self.directory.geometry().sets));
+        self.hit_last = NO_LINE;
     }
 }
 

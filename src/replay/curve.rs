@@ -12,8 +12,9 @@ use super::{Lines, Trace, TraceError};
 /// referenced one after the other, by those that miss any of its lines: by its line of the largest distance.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct LruCurve {
-    records: Distances,
     lines: Distances,
+    /// Of each record's lines, all but one of the largest distance: what is left of `lines` are the records' own.
+    others: Distances,
 }
 
 /// The curve at a number of lines. From here to the next point it is flat.
@@ -27,11 +28,12 @@ pub struct Point {
 impl LruCurve {
     /// What a memory of so many lines counts.
     pub fn at(&self, lines: u32) -> Totals {
+        let (line_accesses, line_misses) = (self.lines.all(), self.lines.at_least(lines));
         Totals {
-            record_accesses: self.records.all(),
-            record_misses: self.records.at_least(lines),
-            line_accesses: self.lines.all(),
-            line_misses: self.lines.at_least(lines),
+            record_accesses: line_accesses - self.others.all(),
+            record_misses: line_misses - self.others.at_least(lines),
+            line_accesses,
+            line_misses,
         }
     }
 
@@ -42,20 +44,20 @@ impl LruCurve {
 
     /// The least number of lines from which on only compulsory misses are left.
     pub fn enough(&self) -> u32 {
-        let last = |distances: &Distances| distances.counts.iter().rposition(|&n| n > 0).map_or(0, |d| d + 1);
-        last(&self.lines).max(last(&self.records)) as u32
+        self.lines.counts.iter().rposition(|&n| n > 0).map_or(0, |distance| distance as u32 + 1)
     }
 
     /// From one line on, all numbers of lines where the curve changes.
     pub fn points(&self) -> Vec<Point> {
-        let mut now = Point { lines: 0, record_misses: self.records.all(), line_misses: self.lines.all() };
+        let Totals { record_accesses, line_accesses, .. } = self.at(0);
+        let mut now = Point { lines: 0, record_misses: record_accesses, line_misses: line_accesses };
         let mut points = Vec::new();
         for distance in 0..self.enough().max(1) {
-            let (records, lines) = (self.records.exactly(distance), self.lines.exactly(distance));
+            let lines = self.lines.exactly(distance);
             now.lines = distance + 1;
-            now.record_misses -= records;
             now.line_misses -= lines;
-            if distance == 0 || records > 0 || lines > 0 {
+            now.record_misses -= lines - self.others.exactly(distance);
+            if distance == 0 || lines > 0 {
                 points.push(now);
             }
         }
@@ -64,19 +66,26 @@ impl LruCurve {
 
     /// Of several memories of the same size, each with its own references.
     pub fn add(&mut self, other: &Self) {
-        self.records.add(&other.records);
         self.lines.add(&other.lines);
+        self.others.add(&other.others);
     }
 
-    /// Counts a record by the distances of its lines.
-    #[inline(always)]
-    fn count(&mut self, distances: impl Iterator<Item = u32>) {
-        let mut farthest = 0;
-        for distance in distances {
-            self.lines.count(distance);
-            farthest = farthest.max(distance);
+    /// Counts the references of a part by their distances.
+    fn count(&mut self, stream: &LineStream, distances: &[u32]) {
+        distances.iter().for_each(|&distance| self.lines.count(distance));
+        self.lines.count_many(0, stream.repeated);
+        for wide in &stream.wide[..stream.wides] {
+            let mut rest = &distances[(wide.end - wide.lines) as usize..wide.end as usize];
+            // A line that is referenced again at once has distance 0.
+            let mut farthest = 0;
+            if !wide.repeats {
+                (farthest, rest) = (rest[0], &rest[1..]);
+            }
+            for &distance in rest {
+                self.others.count(farthest.min(distance));
+                farthest = farthest.max(distance);
+            }
         }
-        self.records.count(farthest);
     }
 }
 
@@ -88,19 +97,17 @@ impl LruCurve {
 pub fn curve(trace: &(impl Trace + ?Sized), tiles: &[u32], lines: &impl Lines) -> Result<LruCurve, TraceError> {
     let mut stack = LruStack::new(lines.count());
     let mut curve = LruCurve::default();
-    let mut words = Vec::new();
+    let (mut words, mut stream, mut distances) = (Vec::new(), LineStream::default(), Vec::new());
     for &tile in tiles {
         let tile = &trace.tiles()[tile as usize];
         for part in tile.parts.clone() {
             trace.read(part, &mut words)?;
-            reads::for_each(&words, lines, |first, count| {
-                let distances = (first..first + count).map(|line| stack.reference(line));
-                if tile.accepted {
-                    curve.count(distances);
-                } else {
-                    distances.for_each(drop);
-                }
-            })?;
+            stream.read(&words, lines)?;
+            distances.resize(stream.len, 0);
+            stack.references(&stream.lines[..stream.len], &mut distances);
+            if tile.accepted {
+                curve.count(&stream, &distances);
+            }
         }
     }
     Ok(curve)
@@ -123,6 +130,63 @@ pub fn by_node(
         Ok(sum)
     };
     schedule.nodes.iter().map(of_node).collect()
+}
+
+/// The lines that a part references, one after the other, but for those that repeat the one before.
+///
+/// It is filled without a branch for records of one or two lines, which no processor could foretell: what is not to be
+/// kept is written and then written over. So the vectors are longer than what they hold.
+#[derive(Debug, Default)]
+struct LineStream {
+    lines: Vec<u32>,
+    len: usize,
+    repeated: u64,
+    wide: Vec<WideRecord>,
+    wides: usize,
+    /// The line before; before the first part, there is none.
+    newest: Option<u32>,
+}
+
+/// A record of several lines.
+#[derive(Clone, Copy, Debug, Default)]
+struct WideRecord {
+    /// Where its lines end in the stream, and how many are there.
+    end: u32,
+    lines: u32,
+    /// Whether its first line repeats the one before, and is not there.
+    repeats: bool,
+}
+
+impl LineStream {
+    /// Holds the references of these words, and no others.
+    fn read(&mut self, words: &[u32], lines: &impl Lines) -> Result<(), TraceError> {
+        (self.len, self.repeated, self.wides) = (0, 0, 0);
+        // Two lines a record; those of more make room themselves.
+        self.lines.resize(2 * words.len() + 1, 0);
+        self.wide.resize(words.len() + 1, WideRecord::default());
+        reads::for_each(words, lines, |first, count| self.push(first, count))
+    }
+
+    #[inline(always)]
+    fn push(&mut self, first: u32, count: u32) {
+        let repeats = self.newest == Some(first);
+        self.newest = Some(first + count - 1);
+        self.repeated += u64::from(repeats);
+        self.lines[self.len] = first;
+        self.len += usize::from(!repeats);
+        let several = usize::from(count > 1);
+        self.lines[self.len] = first + 1;
+        self.len += several;
+        if count > 2 {
+            self.lines.resize(self.lines.len() + count as usize, 0);
+            for line in first + 2..first + count {
+                self.lines[self.len] = line;
+                self.len += 1;
+            }
+        }
+        self.wide[self.wides] = WideRecord { end: self.len as u32, lines: count - u32::from(repeats), repeats };
+        self.wides += several;
+    }
 }
 
 /// References by their distance.
@@ -151,6 +215,13 @@ impl Distances {
         } else {
             self.counts.resize((distance as usize + 1).next_power_of_two(), 0);
             self.counts[distance as usize] += 1;
+        }
+    }
+
+    fn count_many(&mut self, distance: u32, times: u64) {
+        if times > 0 {
+            self.count(distance);
+            self.counts[distance as usize] += times - 1;
         }
     }
 

@@ -35,3 +35,6 @@ pub use crate::machine::trace::{Trace, TraceError, TracedTile};
 pub use captured::Captured;
 pub use count::Tally;
 pub use lines::{Lines, RecordLines};
+
+#[cfg(test)]
+mod tests;

@@ -89,7 +89,7 @@ impl Subject for Recording {
     }
 }
 
-/// One stream of one node. Nothing is known of what was read: a record is a word, and a read costs its access.
+/// One stream of one node. Nothing is known of what was read but its size: a read costs its access.
 impl Subject for Imported {
     type Lines = TableLines;
 
@@ -102,16 +102,16 @@ impl Subject for Imported {
     }
 
     #[inline(always)]
-    fn kind(&self, _record: u32) -> usize {
-        0
+    fn kind(&self, record: u32) -> usize {
+        self.kind(record)
     }
 
     fn record_words(&self) -> Vec<u32> {
-        vec![1]
+        self.record_words().to_vec()
     }
 
     fn read_cycles(&self) -> Vec<u32> {
-        vec![Processor::DEFAULT.local_access]
+        vec![Processor::DEFAULT.local_access; self.record_words().len()]
     }
 
     fn pixels(&self, _tile: u32) -> u32 {

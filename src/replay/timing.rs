@@ -13,7 +13,7 @@ use super::subject::Subject;
 use super::work::{RecordedWork, Step, Tiles};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
-use crate::topology::{Bus, Processor};
+use crate::topology::Bus;
 
 /// Of all clusters together, in simulated cycles.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
@@ -98,7 +98,7 @@ fn through<R: Replacement, S: Subject>(
     };
     let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_step);
     let bus = Bus { width: setting.bus_width, arbiter: setting.arbiter, ..subject.bus() };
-    let settings = ContentionSettings { nodes: setting.nodes, processor: Processor::DEFAULT, bus };
+    let settings = ContentionSettings { nodes: setting.nodes, bus };
     let outcome = simulate(&settings, &mut work, observer)?;
     Ok((outcome, work.totals()))
 }

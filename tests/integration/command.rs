@@ -28,8 +28,17 @@ pub(crate) const TEAPOT: &str = "tests/data/teapot-64.toml";
 
 /// Runs a topology into a folder of its own and returns its report; the run must succeed.
 pub(crate) fn report_of(topology: &str, out: &Path, sets: &[&str]) -> Value {
+    report_with(topology, out, sets, &[])
+}
+
+/// [`report_of`] a run whose references are recorded.
+pub(crate) fn recorded_report_of(topology: &str, out: &Path, sets: &[&str]) -> Value {
+    report_with(topology, out, sets, &["--record", "references"])
+}
+
+fn report_with(topology: &str, out: &Path, sets: &[&str], options: &[&str]) -> Value {
     let mut command = marti();
-    command.args(["run", topology, "--quiet", "--out"]).arg(out);
+    command.args(["run", topology, "--quiet", "--out"]).arg(out).args(options);
     for set in sets {
         command.args(["--set", set]);
     }

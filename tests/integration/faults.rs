@@ -18,20 +18,22 @@ const SLOW: [&str; 4] = ["image.width=160", "image.height=160", "cluster.nodes=3
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A run in the middle of its work.
-struct Running {
+pub(crate) struct Running {
     manager: Child,
     children: Vec<(String, u32)>,
-    out: tempfile::TempDir,
+    pub(crate) out: tempfile::TempDir,
 }
 
 impl Running {
     fn start(nodes: usize) -> Self {
+        Self::start_with(nodes, &SLOW.map(|set| ["--set", set]).concat())
+    }
+
+    /// With so many nodes, by these options.
+    pub(crate) fn start_with(nodes: usize, options: &[&str]) -> Self {
         let out = tempfile::tempdir().expect("temporary folder");
         let mut command = marti();
-        command.args(["run", TEAPOT, "--quiet", "--out"]).arg(out.path());
-        SLOW.iter().for_each(|set| {
-            command.args(["--set", set]);
-        });
+        command.args(["run", TEAPOT, "--quiet", "--out"]).arg(out.path()).args(options);
         let stderr = fs::File::create(out.path().join("stderr")).expect("writable folder");
         let manager = command.stdout(Stdio::null()).stderr(stderr).spawn().expect("marti can be started");
         let children = children(manager.id(), 3 + nodes, PATIENCE);
@@ -43,24 +45,34 @@ impl Running {
 
     /// Until the bus has logged something: nodes are at work.
     fn wait_for_rows(&self) {
+        self.wait_for(|_| true, 64 << 10);
+    }
+
+    /// Until recorded files of such names have so many bytes together.
+    pub(crate) fn wait_for(&self, is_counted: impl Fn(&str) -> bool, bytes: u64) {
         let recording = self.out.path().join("recording");
-        let logged = || {
+        let written = || {
             let files = fs::read_dir(&recording).into_iter().flatten().flatten();
-            files.filter_map(|file| Some(file.metadata().ok()?.len())).sum::<u64>() > 64 << 10
+            let counted = files.filter(|file| is_counted(&file.file_name().to_string_lossy()));
+            counted.filter_map(|file| Some(file.metadata().ok()?.len())).sum::<u64>()
         };
         let start = Instant::now();
-        while !logged() {
-            assert!(start.elapsed() < PATIENCE, "nothing is logged");
+        while written() <= bytes {
+            assert!(start.elapsed() < PATIENCE, "nothing is recorded");
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 
-    fn pids(&self, name: &str) -> Vec<u32> {
+    pub(crate) fn pids(&self, name: &str) -> Vec<u32> {
         self.children.iter().filter(|(child, _)| child == name).map(|(_, pid)| *pid).collect()
     }
 
+    pub(crate) fn interrupt(&self) {
+        signal(self.manager.id(), Signal::SIGINT);
+    }
+
     /// How the manager ended, and after how long.
-    fn end(&mut self, patience: Duration) -> (ExitStatus, Duration) {
+    pub(crate) fn end(&mut self, patience: Duration) -> (ExitStatus, Duration) {
         let start = Instant::now();
         loop {
             if let Some(status) = self.manager.try_wait().expect("our own child") {
@@ -74,15 +86,15 @@ impl Running {
         }
     }
 
-    fn stderr(&self) -> String {
+    pub(crate) fn stderr(&self) -> String {
         fs::read_to_string(self.out.path().join("stderr")).unwrap_or_default()
     }
 
-    fn report(&self) -> Value {
+    pub(crate) fn report(&self) -> Value {
         read_report(&self.out.path().join("report.json"))
     }
 
-    fn assert_nobody_lives(&self) {
+    pub(crate) fn assert_nobody_lives(&self) {
         let left: Vec<_> = self.children.iter().filter(|(_, pid)| lives(*pid)).collect();
         assert!(left.is_empty(), "left behind: {left:?}");
     }

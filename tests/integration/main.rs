@@ -3,6 +3,7 @@
 mod bad_input;
 mod command;
 mod command_line;
+mod damaged_recordings;
 mod exports;
 mod faults;
 mod frames;
@@ -10,4 +11,5 @@ mod play;
 mod processes;
 mod recording;
 mod reference;
+mod references;
 mod same_image;

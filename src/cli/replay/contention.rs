@@ -1,6 +1,6 @@
 //! `marti replay RECORDING --contention`: how many nodes a bus carries.
 
-use super::table::{Format, Table};
+use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, json, print};
 use crate::replay::contention_table::contention_table;
 use crate::replay::setting::Setting;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::table::{Format, Table};
+use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use crate::replay::curve::{LruCurve, curve};
 use crate::replay::evaluation::schedule;

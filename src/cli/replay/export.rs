@@ -1,16 +1,25 @@
 //! `marti replay RECORDING --export FORMAT -o FILE`
 
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 
-use crate::atomic_file;
+use crate::atomic_file::{self, Writer};
 use crate::cli::{Failure, print};
+use crate::ids::ClusterId;
+use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
+use crate::replay::contention::Cycle;
 use crate::replay::evaluation::schedule;
 use crate::replay::exporters::accesses::Surroundings;
-use crate::replay::exporters::{ExportError, csv, din, json, oracle_general};
+use crate::replay::exporters::chrome::ChromeTrace;
+use crate::replay::exporters::vcd::BusWaves;
+use crate::replay::exporters::{csv, din, json, oracle_general};
 use crate::replay::setting::{Assignment, Setting};
 use crate::replay::subject::Subject;
+use crate::replay::timing::simulate_cluster;
+
+/// Windows in which a Chrome trace tells how much the bus was used.
+const UTILISATION_WINDOW: Cycle = 10_000;
 
 /// Formats of other tools.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
@@ -39,38 +48,87 @@ pub(super) fn export(
     let [setting] = settings else {
         return Err(Failure::bad_input(format!("{} settings, expected one value of each option", settings.len())));
     };
+    match format {
+        Export::Chrome | Export::Vcd if node.is_some() => {
+            Err(Failure::bad_input("--node chooses references; a simulated bus is that of all nodes"))
+        }
+        Export::Chrome | Export::Vcd => export_bus(recording, setting, format, out),
+        _ => export_references(recording, setting, format, node, out),
+    }
+}
+
+fn export_references(
+    recording: &Recording,
+    setting: &Setting,
+    format: Export,
+    node: Option<u16>,
+    out: &Path,
+) -> Result<(), Failure> {
     if setting.assignment == Assignment::OnDemand {
-        return Err(Failure::bad_input("exports need to know who traces what: expected recorded or interleaved"));
+        return Err(Failure::bad_input(
+            "references of nodes need to know who traces what: expected recorded or interleaved",
+        ));
     }
     let nodes = schedule(recording, setting).nodes;
-    let tiles: Vec<u32> = match (node, format) {
-        (Some(node), _) => match nodes.get(usize::from(node)) {
+    let is_of_one_memory = matches!(format, Export::Din | Export::OracleGeneral);
+    let tiles: Vec<u32> = match node {
+        Some(node) => match nodes.get(usize::from(node)) {
             Some(processes) => processes.concat(),
             None => return Err(Failure::bad_input(format!("node {node}, expected one below {}", nodes.len()))),
         },
-        (None, Export::Din | Export::OracleGeneral) if nodes.len() > 1 => {
+        None if is_of_one_memory && nodes.len() > 1 => {
             return Err(Failure::bad_input(format!(
                 "a trace of this format is that of one memory: expected --node, 0 to {}",
                 nodes.len() - 1
             )));
         }
-        (None, _) => nodes.concat().concat(),
+        None => nodes.concat().concat(),
     };
     let lines = recording.lines(setting.line);
     let surroundings =
         Surroundings { layout: &recording.layout, levels: &recording.octree_levels, tiling: recording.tiling };
-    let mut written = 0;
-    atomic_file::write(out, |file| {
-        let exported = match format {
-            Export::Din => din::write(file, recording, &tiles, &lines, setting.line),
+    let mut references = 0;
+    write(out, |file| {
+        references = match format {
             Export::OracleGeneral => oracle_general::write(file, recording, &tiles, &lines, setting.line),
             Export::Csv => csv::write(file, recording, &tiles, surroundings),
             Export::Json => json::write(file, recording, &tiles, surroundings),
-            Export::Chrome | Export::Vcd => Err(ExportError::Io(io::Error::other("not built"))),
-        };
-        written = exported.map_err(io::Error::other)?;
+            Export::Din | Export::Chrome | Export::Vcd => din::write(file, recording, &tiles, &lines, setting.line),
+        }
+        .map_err(io::Error::other)?;
         Ok(())
+    })?;
+    print(&format!("{}: {references} references\n", out.display()))
+}
+
+/// The clusters one after the other, each from cycle 0 on; waves are those of the first.
+fn export_bus(recording: &Recording, setting: &Setting, format: Export, out: &Path) -> Result<(), Failure> {
+    let geometry = Geometry::new(&setting.memory(), &recording.layout)
+        .map_err(|error| Failure::bad_input(format!("local memory: {error}")))?;
+    let mut transactions = 0;
+    write(out, |file| {
+        if format == Export::Vcd {
+            let waves = BusWaves::new(file, ClusterId(0), setting.nodes);
+            let simulated = simulate_cluster(recording, setting, geometry, 0, &mut &waves, |step| waves.step(step));
+            transactions = simulated.map_err(io::Error::other)?.0.transactions;
+            return waves.finish().map(drop);
+        }
+        let trace = ChromeTrace::new(file, UTILISATION_WINDOW);
+        for cluster in 0..setting.clusters {
+            trace.cluster(ClusterId(cluster), setting.nodes);
+            let simulated =
+                simulate_cluster(recording, setting, geometry, cluster, &mut &trace, |step| trace.step(step));
+            transactions += simulated.map_err(io::Error::other)?.0.transactions;
+        }
+        trace.finish().map(drop)
+    })?;
+    print(&format!("{}: {transactions} transactions\n", out.display()))
+}
+
+fn write(out: &Path, contents: impl FnOnce(&mut Writer) -> io::Result<()>) -> Result<(), Failure> {
+    atomic_file::write(out, |file| {
+        contents(file)?;
+        file.flush()
     })
-    .map_err(|error| Failure::failed(error.to_string()))?;
-    print(&format!("{}: {written} references\n", out.display()))
+    .map_err(|error| Failure::failed(error.to_string()))
 }

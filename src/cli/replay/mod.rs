@@ -3,10 +3,7 @@
 mod contention;
 mod curve;
 mod export;
-pub(super) mod grid_options;
-mod lists;
 mod origins;
-pub(super) mod table;
 mod to_bus;
 
 use std::path::{Path, PathBuf};
@@ -14,10 +11,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use self::export::Export;
-use self::grid_options::GridOptions;
 use self::origins::HeatMap;
-use self::table::{Format, Table};
 use self::to_bus::ToBus;
+use super::grid_options::{GridOptions, SETTINGS};
+use super::table::{Format, Table};
 use super::{Failure, print};
 use crate::recording::references::{Opened, Recording};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
@@ -151,20 +148,6 @@ impl ReplayArguments {
         print_rows(&rows.map_err(|error| Failure::bad_input(error.to_string()))?, self.format)
     }
 }
-
-/// Columns of a row that are settings.
-pub(super) const SETTINGS: [&str; 10] = [
-    "local_memory",
-    "line",
-    "ways",
-    "replacement",
-    "nodes",
-    "clusters",
-    "tile_order",
-    "assignment",
-    "bus_width",
-    "arbiter",
-];
 
 fn print_rows(rows: &[Row], format: Format) -> Result<(), Failure> {
     let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::table::{Format, Table};
 use crate::atomic_file;
+use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use crate::database::Section;
 use crate::machine::local_memory::Geometry;

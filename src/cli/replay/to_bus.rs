@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::table::Format;
+use crate::cli::table::Format;
 use crate::cli::{Exit, Failure, json, print};
 use crate::processes::player::{self, Pace, PlayRequest};
 use crate::recording::references::Sidecar;
@@ -46,7 +46,7 @@ impl ToBus {
             PaceName::Fastest => Pace::Fastest,
         };
         // A run that recorded no references has no sidecar, and its image is known by its answers alone.
-        let scene_sha256 = Sidecar::read(&recording.join("recording")).ok().map(|sidecar| sidecar.scene_sha256);
+        let scene_sha256 = Sidecar::read(&recording.join("recording")).ok().map(|(sidecar, _)| sidecar.scene_sha256);
         let request = PlayRequest { recording: recording.to_owned(), bus, token, pace, scene_sha256, may_be_damaged };
         let outcome = player::play(&request).map_err(|error| {
             let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };

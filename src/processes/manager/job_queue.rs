@@ -89,9 +89,9 @@ impl JobQueue {
         self.reissued
     }
 
-    /// The master can take so many more tiles.
+    /// The master can take so many more tiles, though there may not be as many: a tile that is lost is one more.
     pub(super) fn want(&mut self, tiles: u32) {
-        self.wanted = self.wanted.saturating_add(tiles).min(self.total());
+        self.wanted = self.wanted.saturating_add(tiles);
     }
 
     /// What the master is to get now. Lanes with the fewest tiles out come first, so that no node's share of
@@ -180,10 +180,13 @@ mod tests {
     #[test]
     fn a_wish_that_cannot_be_met_yet_is_kept() {
         let mut queue = queue(Assignment::OnDemand, 1);
-        queue.want(u32::MAX);
+        // The master does not ask again for what it was not given.
+        queue.want(11);
         assert_eq!(queue.grants().len(), 10);
-        queue.want(4);
-        assert!(queue.lose(lost(9, 0)));
+        assert!(queue.lose(lost(9, 0)) && queue.lose(lost(3, 0)));
+        assert_eq!(tiles(&queue.grants()), [(3, 1, None)]);
+        queue.want(u32::MAX);
+        queue.want(u32::MAX);
         assert_eq!(tiles(&queue.grants()), [(9, 1, None)]);
     }
 

@@ -13,7 +13,7 @@ use crate::ids::NodeId;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
 use crate::recording::references::{
-    FORMAT_VERSION, FileFacts, LEVELS_NAME, LostTile, Recording, Sidecar, octree_levels, scan,
+    FORMAT_VERSION, FileFacts, LEVELS_NAME, LostTile, Recording, Sidecar, cut_torn_tails, octree_levels, scan,
 };
 use crate::replay::live;
 use crate::report::conservation::Check;
@@ -63,6 +63,7 @@ impl Facts {
     fn write_sidecar(&self, state: &State, folder: &Path) -> io::Result<()> {
         let levels = folder.join(LEVELS_NAME);
         crate::atomic_file::write(&levels, |file| io::Write::write_all(file, &self.levels))?;
+        cut_torn_tails(folder).map_err(io::Error::other)?;
         let scanned = scan(folder, &self.layout).map_err(io::Error::other)?;
         let is_accepted = |tile: &LostTile| state.queue.accepted(tile.tile) == Some(tile.attempt);
         let records: BTreeMap<_, _> = Section::ALL

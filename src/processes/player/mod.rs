@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::{Duration, Instant};
 
@@ -26,6 +27,7 @@ use self::score::Score;
 use self::voice::{Due, Tally, Voice};
 use super::loader::Loader;
 use super::token;
+use crate::database::{Layout, Section};
 use crate::machine::transaction::{Initiator, Kind, Transaction};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::ConnectionError;
@@ -73,8 +75,8 @@ pub enum PlayError {
     Topology(#[from] SourceError),
     #[error(transparent)]
     Preparation(#[from] PreparationError),
-    #[error("the image has sections of {rebuilt:?} records, recorded were {recorded:?}: the scene or marti is another")]
-    OtherLayout { recorded: [u64; 8], rebuilt: [u64; 8] },
+    #[error("the image has {rebuilt} records of {section}, recorded were {recorded}: the scene or marti is another")]
+    OtherLayout { section: &'static str, recorded: u64, rebuilt: u64 },
     #[error("the image has SHA-256 {rebuilt}, recorded was {recorded}: the scene or marti is another")]
     OtherScene { recorded: String, rebuilt: String },
     #[error("the {bytes} bytes at {address} of the image are not those recorded: the scene or marti is another")]
@@ -113,10 +115,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let prepared = prepare_topology(&topology)?;
     let database = prepared.database.database();
     let image = database.bytes();
-    let (recorded, rebuilt) = (&log.metadata().layout, &database.header.layout);
-    if recorded != rebuilt {
-        return Err(PlayError::OtherLayout { recorded: recorded.clone().into(), rebuilt: rebuilt.clone().into() });
-    }
+    check_layout(&log.metadata().layout, &database.header.layout)?;
     check_hash(request.scene_sha256.as_deref(), image)?;
     let score = Score::read(log, image, topology.cluster.nodes, request.may_be_damaged)?;
 
@@ -138,6 +137,16 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
 fn open(request: &PlayRequest) -> Result<Reader, PlayError> {
     let folder = bus_log::folder(&request.recording);
     Ok(if request.may_be_damaged { Reader::salvage(&folder)? } else { Reader::open(&folder)? })
+}
+
+fn check_layout(recorded: &Layout, rebuilt: &Layout) -> Result<(), PlayError> {
+    for section in Section::ALL {
+        let (recorded, rebuilt) = (recorded.span(section).records, rebuilt.span(section).records);
+        if recorded != rebuilt {
+            return Err(PlayError::OtherLayout { section: section.name(), recorded, rebuilt });
+        }
+    }
+    Ok(())
 }
 
 fn check_hash(recorded: Option<&str>, image: &[u8]) -> Result<(), PlayError> {
@@ -191,29 +200,25 @@ fn say(
         Pace::Recorded => Due::Recorded { start, first_request: score.first_request },
         Pace::Fastest => Due::AtOnce,
     };
+    let stop = AtomicBool::new(false);
     thread::scope(|scope| {
-        // Nothing is ever sent: it closes when this thread stops handing out.
-        let (go_on, stop) = bounded(0);
         let mut queues = BTreeMap::new();
         let mut threads = Vec::new();
         for (speaker, voice) in voices {
             let (queue, rows): (Sender<Vec<Transaction>>, Receiver<_>) = bounded(QUEUE_MAX);
-            let stop = stop.clone();
+            let stop = &stop;
             let name = format!("{speaker:?}");
-            let thread =
-                thread::Builder::new().name(name).spawn_scoped(scope, move || voice.say_all(&rows, due, &stop));
+            let thread = thread::Builder::new().name(name).spawn_scoped(scope, move || voice.say_all(&rows, due, stop));
             threads.push(thread.map_err(|error| PlayError::System { what: "thread", error })?);
             queues.insert(speaker, queue);
         }
         let handed_out = hand_out(open(request)?, score, &queues);
         drop(queues);
         if !matches!(handed_out, Ok(true)) {
-            drop(go_on);
+            stop.store(true, Ordering::Relaxed);
             return join(threads).and(handed_out.map(|_| Tally::new()));
         }
-        let tally = join(threads);
-        drop(go_on);
-        tally
+        join(threads)
     })
 }
 

@@ -208,7 +208,7 @@ pub(super) mod tests {
         let write = sequence % 3 == 2;
         let small = sequence as u32;
         let address = Address(sequence % 70 * 16);
-        let lines = small % 50 | 1;
+        let lines = (small % 50) | 1;
         Transaction {
             sequence,
             epoch: Epoch(1),

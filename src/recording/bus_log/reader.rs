@@ -14,7 +14,7 @@ use crate::recording::batches::{BatchError, BatchLimits, Batches};
 use crate::recording::frames::{FrameLimits, ReadAt};
 
 /// A row takes some 70 bytes.
-const LIMITS: BatchLimits =
+pub(super) const LIMITS: BatchLimits =
     BatchLimits { frame: FrameLimits { metadata_bytes: 64 << 10, body_bytes: 2 << 20 }, rows: BATCH_ROWS as u32 };
 /// A sidecar takes some 250.
 const SIDECAR_BYTES_MAX: u64 = 64 << 10;
@@ -127,7 +127,7 @@ impl Reader {
     /// # Errors
     /// The log stops being one. It is not read on after that.
     pub fn next_rows(&mut self) -> Result<Option<Vec<Transaction>>, ReadError> {
-        let batch = self.batches.next().map_err(|error| ReadError::new(&self.path, error, self.rows))?;
+        let batch = self.batches.next_batch().map_err(|error| ReadError::new(&self.path, error, self.rows))?;
         let Some(batch) = batch else {
             self.check_end()?;
             return Ok(None);
@@ -240,11 +240,13 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
             "{SIDECAR_NAME}: expected format version {FORMAT_VERSION} and complete, found {version} and {complete}"
         )));
     }
-    let (bytes, crc32c) = checksum(&path).map_err(|error| lost(error.to_string()))?;
+    let file = File::open(&path).map_err(|error| lost(error.to_string()))?;
+    let bytes = ReadAt::bytes(&file).map_err(|error| lost(error.to_string()))?;
     if bytes != sidecar.bytes {
         let what = format!("{SIDECAR_NAME} says {} bytes, the file has {bytes}", sidecar.bytes);
         return Err(Doubt { what, altered: bytes > sidecar.bytes });
     }
+    let crc32c = checksum(&file, bytes).map_err(|error| lost(error.to_string()))?;
     if crc32c != sidecar.crc32c {
         return Err(altered(format!(
             "{SIDECAR_NAME} says crc32c {:#010x}, the file has {crc32c:#010x}: bytes were altered",
@@ -262,18 +264,16 @@ fn read_short(path: &Path) -> io::Result<Vec<u8>> {
     fs::read(path)
 }
 
-/// Length and checksum of a file.
-fn checksum(path: &Path) -> io::Result<(u64, u32)> {
-    let file = File::open(path)?;
-    let bytes = ReadAt::bytes(&file)?;
+/// Of so many bytes, in pieces.
+fn checksum(file: &File, bytes: u64) -> io::Result<u32> {
     let mut buffer = vec![0; CHECK_BYTES];
     let (mut offset, mut crc32c) = (0, 0);
     while offset < bytes {
         let length = (bytes - offset).min(CHECK_BYTES as u64);
         let part = &mut buffer[..length as usize];
-        ReadAt::read_exact_at(&file, part, offset)?;
+        ReadAt::read_exact_at(file, part, offset)?;
         crc32c = crc32c::crc32c_append(crc32c, part);
         offset += length;
     }
-    Ok((bytes, crc32c))
+    Ok(crc32c)
 }

@@ -27,7 +27,29 @@ pub(super) struct Part<'a> {
     pub(super) part: u32,
     /// Of the last part: the primitive tests that the tracer counted in the tile.
     pub(super) primitive_tests: Option<u64>,
+    /// At least one.
     pub(super) words: &'a [u32],
+}
+
+impl Part<'_> {
+    fn crc32c(&self) -> u32 {
+        let (is_last, tests) = (self.primitive_tests.is_some(), self.primitive_tests.unwrap_or(0));
+        row_crc32c(crc32c::crc32c(bytemuck::cast_slice(self.words)), self.tile, self.attempt, self.part, is_last, tests)
+    }
+}
+
+/// A row's checksum, from that of its words: a row that is taken for another one is noticed too.
+pub(super) fn row_crc32c(
+    words_crc32c: u32,
+    tile: TileId,
+    attempt: Attempt,
+    part: u32,
+    is_last: bool,
+    primitive_tests: u64,
+) -> u32 {
+    let numbers = [tile.0, attempt.0, part, u32::from(is_last)].map(u32::to_le_bytes);
+    let crc32c = crc32c::crc32c_append(words_crc32c, numbers.as_flattened());
+    crc32c::crc32c_append(crc32c, &primitive_tests.to_le_bytes())
 }
 
 /// The columns up to the words.
@@ -76,7 +98,7 @@ pub(super) fn batch(schema: &SchemaRef, part: &Part) -> Result<RecordBatch, Arro
         u32s(part.part),
         Arc::new(BooleanArray::from(vec![part.primitive_tests.is_some()])),
         Arc::new(UInt64Array::from_value(part.primitive_tests.unwrap_or(0), 1)),
-        u32s(crc32c::crc32c(bytemuck::cast_slice(part.words))),
+        u32s(part.crc32c()),
         Arc::new(ListArray::try_new(word(), offsets, Arc::new(words), None)?),
     ];
     RecordBatch::try_new(Arc::clone(schema), columns)

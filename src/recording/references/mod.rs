@@ -8,6 +8,7 @@ mod levels;
 mod reader;
 mod scan;
 mod sidecar;
+mod torn_tail;
 mod writer;
 
 use std::path::Path;
@@ -19,6 +20,7 @@ pub use format::{FORMAT_VERSION, file_name};
 pub use levels::{LEVELS_NAME, octree_levels};
 pub use reader::{OpenError, Opened, Recording};
 pub use sidecar::{FileFacts, LostTile, SIDECAR_NAME, Sidecar};
+pub use torn_tail::cut_torn_tails;
 pub use writer::Writer;
 
 /// What node processes have left in a folder.
@@ -28,8 +30,6 @@ pub struct Scanned {
     pub files: Vec<FileFacts>,
     /// All attempts at tiles, whole or not, by file.
     pub attempts: Vec<LostTile>,
-    /// Reads of records.
-    pub references: u64,
 }
 
 /// Reads what node processes have left in a folder, to write the sidecar.
@@ -43,8 +43,10 @@ pub fn scan(folder: &Path, layout: &Layout) -> Result<Scanned, String> {
         let scan = Scan::of(&folder.join(name), node, epoch, layout)?;
         let attempt = |tile: &scan::ScannedTile| LostTile { node, epoch, tile: tile.tile, attempt: tile.attempt };
         scanned.attempts.extend(scan.tiles.iter().map(attempt));
-        scanned.references += scan.references;
         scanned.files.push(scan.facts);
     }
     Ok(scanned)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,11 @@
 //! A recording of references, opened: what it is of, what is whole in it, and its words.
 
 use std::fs::{self, File};
-use std::io::Read;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use super::scan::{Place, Scan, facts};
-use super::{FORMAT_VERSION, LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar};
+use super::scan::{Place, Scan};
+use super::{LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar, file_name};
 use crate::database::{Layout, Section};
 use crate::ids::{Epoch, NodeId};
 use crate::machine::references::RecordNumbers;
@@ -14,9 +14,6 @@ use crate::recording::frames::ReadAt;
 use crate::scene::source::Source;
 use crate::topology::Topology;
 use crate::tracer::Tiling;
-
-/// A longer sidecar is none.
-const SIDECAR_BYTES_MAX: u64 = 1 << 28;
 
 /// Why a recording cannot be opened.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -60,8 +57,9 @@ impl Recording {
     pub fn open(folder: &Path) -> Result<Opened, OpenError> {
         let inner = folder.join("recording");
         let folder = if folder.join(SIDECAR_NAME).exists() || !inner.is_dir() { folder } else { &inner };
-        let sidecar = Sidecar::read(folder)?;
-        let named = |what: String| OpenError(format!("{}: {what}", folder.join(SIDECAR_NAME).display()));
+        let in_sidecar = |what: String| format!("{}: {what}", folder.join(SIDECAR_NAME).display());
+        let named = |what: String| OpenError(in_sidecar(what) + &without_sidecar(folder));
+        let (sidecar, fault) = Sidecar::read(folder).map_err(named)?;
         let source = Source::from_bytes("references.json, topology", sidecar.topology.as_bytes());
         let topology = Topology::from_source(&source, &[]).map_err(|error| named(error.to_string()))?;
         let mut records = [0; Section::COUNT];
@@ -86,7 +84,7 @@ impl Recording {
                 parts: Vec::new(),
                 tiles: Vec::new(),
             },
-            faults: Vec::new(),
+            faults: fault.map(in_sidecar).into_iter().collect(),
         };
         opened.recording.lost.sort_unstable();
         opened.read_levels(folder, &sidecar);
@@ -112,45 +110,37 @@ impl Recording {
     }
 }
 
-/// The process that a file is of, by its name.
+/// The process that a file is of, by its name. No other name than that is one.
 pub(super) fn process_of(name: &str) -> Option<(NodeId, Epoch)> {
     let (node, epoch) = name.strip_prefix("references-n")?.strip_suffix(".arrows")?.split_once("-e")?;
-    Some((NodeId(node.parse().ok()?), Epoch(epoch.parse().ok()?)))
+    let process = (NodeId(node.parse().ok()?), Epoch(epoch.parse().ok()?));
+    (file_name(process.0, process.1) == name).then_some(process)
 }
 
-impl Sidecar {
-    /// # Errors
-    /// It is not there, or not that of a recording which this version reads.
-    pub fn read(folder: &Path) -> Result<Self, OpenError> {
-        let path = folder.join(SIDECAR_NAME);
-        let named = |what: String| OpenError(format!("{}: {what}", path.display()));
-        let file = File::open(&path).map_err(|error| {
-        let recorded = Recording::file_names(folder).map_or(0, |names| names.len());
-        let what = match recorded {
-            0 => "expected the folder of a run with `--record references`, or its folder `recording`".to_owned(),
-            files => format!(
-                "without it nothing tells what the {files} files of references beside it are of: the run did not end, \
-                 or the file was removed"
-            ),
-        };
-        named(format!("{error}: {what}"))
-    })?;
-        let mut text = Vec::new();
-        file.take(SIDECAR_BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| named(error.to_string()))?;
-        if text.len() as u64 > SIDECAR_BYTES_MAX {
-            return Err(named(format!("more than {SIDECAR_BYTES_MAX} bytes, expected a sidecar")));
-        }
-        #[derive(serde::Deserialize)]
-        struct Version {
-            format_version: u32,
-        }
-        let not_ours =
-            |error: serde_json::Error| named(format!("{error}, expected the sidecar of recorded references"));
-        let Version { format_version } = serde_json::from_slice(&text).map_err(not_ours)?;
-        if format_version != FORMAT_VERSION {
-            return Err(named(format!("version {format_version} of the format, expected {FORMAT_VERSION}")));
-        }
-        serde_json::from_slice(&text).map_err(not_ours)
+/// Opens a file that is no pipe, device or folder: reading those may never end.
+pub(super) fn open_regular(path: &Path) -> io::Result<File> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("is not a regular file, expected one"));
+    }
+    File::open(path)
+}
+
+fn tile_count(tiles: usize) -> String {
+    match tiles {
+        0 => "no tiles".to_owned(),
+        1 => "1 tile".to_owned(),
+        _ => format!("{tiles} tiles"),
+    }
+}
+
+/// What a folder without a sidecar that can be understood is.
+fn without_sidecar(folder: &Path) -> String {
+    match Recording::file_names(folder).map_or(0, |names| names.len()) {
+        0 => ": expected the folder of a run with `--record references`, or its folder `recording`".to_owned(),
+        files => format!(
+            ": without it nothing tells what the {files} files of references beside it are of, and none can be used; a \
+             run writes it at its end"
+        ),
     }
 }
 
@@ -158,12 +148,20 @@ impl Opened {
     fn read_levels(&mut self, folder: &Path, sidecar: &Sidecar) {
         let path = folder.join(LEVELS_NAME);
         let blocks = self.recording.layout.span(Section::OctreeNodes).records / 8;
-        let read = File::open(&path).and_then(|file| {
-            let found = facts(&path, &file)?;
-            if found != sidecar.octree_levels || found.bytes != blocks {
-                return Err(std::io::Error::other("is not the file that was recorded"));
+        let read = open_regular(&path).and_then(|file| {
+            let (bytes, expected) = (ReadAt::bytes(&file)?, &sidecar.octree_levels);
+            if bytes != blocks || bytes != expected.bytes {
+                let expected = format!("{bytes} bytes, expected {blocks}: one a block of octree words");
+                return Err(io::Error::other(expected));
             }
-            fs::read(&path)
+            let mut levels = vec![0; bytes as usize];
+            ReadAt::read_exact_at(&file, &mut levels, 0)?;
+            let crc32c = crc32c::crc32c(&levels);
+            if crc32c != expected.crc32c {
+                let expected = format!("crc32c is {crc32c:#010x}, expected {:#010x}", expected.crc32c);
+                return Err(io::Error::other(expected));
+            }
+            Ok(levels)
         });
         match read {
             Ok(levels) => self.recording.octree_levels = levels,
@@ -174,13 +172,20 @@ impl Opened {
     }
 
     fn read_files(&mut self, folder: &Path, sidecar: &Sidecar) {
+        let nodes = self.recording.topology.cluster.nodes;
+        let mut last = None;
         for facts in &sidecar.files {
-            let path = folder.join(&facts.name);
-            let Some((node, epoch)) = process_of(&facts.name) else {
-                self.faults.push(format!("{SIDECAR_NAME}: {:?} is no name of a file of references", facts.name));
+            let process = process_of(&facts.name).filter(|process| process.0.0 < nodes && last < Some(*process));
+            let Some((node, epoch)) = process else {
+                self.faults.push(format!(
+                    "{}: {:?}, expected the files of processes of {nodes} nodes in their order: it is left out",
+                    folder.join(SIDECAR_NAME).display(),
+                    facts.name
+                ));
                 continue;
             };
-            match Scan::of(&path, node, epoch, &self.recording.layout) {
+            last = process;
+            match Scan::of(&folder.join(&facts.name), node, epoch, &self.recording.layout) {
                 Ok(scan) => self.take(scan, facts),
                 Err(fault) => self.faults.push(format!("{fault}: nothing of {node}, {epoch} can be used")),
             }
@@ -188,7 +193,8 @@ impl Opened {
         for (.., name) in Recording::file_names(folder).unwrap_or_default() {
             if !sidecar.files.iter().any(|facts| facts.name == name) {
                 let path = folder.join(name);
-                self.faults.push(format!("{}: not of this recording, and left out", path.display()));
+                self.faults
+                    .push(format!("{}: expected no such file in this recording: it is left out", path.display()));
             }
         }
     }
@@ -196,18 +202,20 @@ impl Opened {
     fn take(&mut self, scan: Scan, expected: &super::FileFacts) {
         let whole = scan.tiles.iter().filter(|tile| tile.whole).count();
         if let Some(fault) = &scan.fault {
-            self.faults.push(format!("{fault}: the {whole} tiles before it can be used"));
+            self.faults.push(format!("{fault}: {} before that can be used", tile_count(whole)));
         } else if scan.facts != *expected {
             self.faults.push(format!(
-                "{}: {} bytes with crc32c {:#010x}, expected {} bytes with {:#010x}: the {whole} tiles in it are whole",
+                "{}: {} bytes with crc32c {:#010x}, expected {} bytes with {:#010x}: it was cut between frames, or is of \
+                 another run; {} in it can be used",
                 scan.path.display(),
                 scan.facts.bytes,
                 scan.facts.crc32c,
                 expected.bytes,
-                expected.crc32c
+                expected.crc32c,
+                tile_count(whole)
             ));
         }
-        let Recording { files, parts, tiles, lost, .. } = &mut self.recording;
+        let Recording { files, parts, tiles, lost, references, .. } = &mut self.recording;
         let file = files.len() as u32;
         let mut next = parts.len() as u32;
         parts.extend(scan.parts.into_iter().map(|place| (file, place)));
@@ -216,13 +224,13 @@ impl Opened {
             next = range.end;
             // A tile that was cut short is the last of its process: no other one depends on what it left in the memory.
             if tile.whole {
+                *references += tile.references;
                 let (node, epoch) = (scan.node, scan.epoch);
                 let of_lost = LostTile { node, epoch, tile: tile.tile, attempt: tile.attempt };
                 let accepted = lost.binary_search(&of_lost).is_err();
                 tiles.push(TracedTile { node, epoch, tile: tile.tile, attempt: tile.attempt, accepted, parts: range });
             }
         }
-        self.recording.references += scan.references;
         self.recording.files.push((scan.path, scan.file));
     }
 
@@ -230,7 +238,7 @@ impl Opened {
     fn check_tiles(&mut self, sidecar: &Sidecar) {
         let tiles = sidecar.tiling.tile_count();
         let mut seen = vec![false; tiles as usize];
-        let mut odd = 0u64;
+        let mut odd = 0;
         for tile in self.recording.tiles.iter_mut().filter(|tile| tile.accepted) {
             match seen.get_mut(tile.tile.0 as usize) {
                 Some(seen) if !*seen => *seen = true,
@@ -241,13 +249,16 @@ impl Opened {
             }
         }
         if odd > 0 {
-            self.faults
-                .push(format!("{odd} tiles are there twice, or are no tiles of the image: they count for nothing"));
+            self.faults.push(format!(
+                "{} that are there already, or are not of the image, count for nothing",
+                tile_count(odd)
+            ));
         }
         let found = seen.iter().filter(|seen| **seen).count() as u32;
         let expected = tiles.saturating_sub(sidecar.tiles_missing);
         if found != expected {
-            self.faults.push(format!("the references of {found} tiles are whole, expected {expected}"));
+            self.faults
+                .push(format!("{} can be used, expected {expected} by {SIDECAR_NAME}", tile_count(found as usize)));
         }
     }
 }

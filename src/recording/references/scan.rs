@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use arrow_ipc::{MessageHeader, Schema, Type};
 
-use super::format::COLUMNS;
+use super::format::{COLUMNS, row_crc32c};
+use super::reader::open_regular;
 use super::{FORMAT_VERSION, FileFacts};
 use crate::database::{Layout, Section};
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
@@ -14,13 +15,15 @@ use crate::recording::frames::{Frame, FrameKind, FrameLimits, Frames, ReadAt};
 use crate::recording::records_json;
 
 /// The schema's metadata are the longest; a batch is some columns and the words.
-const LIMITS: FrameLimits = FrameLimits { metadata_bytes: 1 << 16, body_bytes: 4 * PART_WORDS as u64 + 4096 };
+pub(super) const LIMITS: FrameLimits =
+    FrameLimits { metadata_bytes: 1 << 16, body_bytes: 4 * PART_WORDS as u64 + 4096 };
 
 /// Where some words of a stream lie.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Place {
     pub(super) offset: u64,
     pub(super) words: u32,
+    /// Of the words alone.
     pub(super) crc32c: u32,
 }
 
@@ -32,6 +35,8 @@ pub(super) struct ScannedTile {
     pub(super) whole: bool,
     /// How many of the file's parts are this tile's.
     pub(super) parts: u32,
+    /// Reads of records.
+    pub(super) references: u64,
 }
 
 /// What is in a file.
@@ -44,8 +49,6 @@ pub(super) struct Scan {
     pub(super) epoch: Epoch,
     pub(super) parts: Vec<Place>,
     pub(super) tiles: Vec<ScannedTile>,
-    /// Reads of records in whole tiles.
-    pub(super) references: u64,
     /// What ended the scan before the file did; all before it is sound.
     pub(super) fault: Option<String>,
 }
@@ -57,6 +60,8 @@ struct Row {
     part: u32,
     is_last: bool,
     primitive_tests: u64,
+    /// As recorded: of the whole row.
+    crc32c: u32,
     words: Place,
 }
 
@@ -65,10 +70,10 @@ impl Scan {
     /// The file cannot be read at all, or is no recording of references of this database; the text names the file.
     pub(super) fn of(path: &Path, node: NodeId, epoch: Epoch, layout: &Layout) -> Result<Self, String> {
         let named = |what: String| format!("{}: {what}", path.display());
-        let file = File::open(path).map_err(|error| named(error.to_string()))?;
+        let file = open_regular(path).map_err(|error| named(error.to_string()))?;
         let facts = facts(path, &file).map_err(|error| named(error.to_string()))?;
         let (path, parts, tiles) = (path.to_owned(), Vec::new(), Vec::new());
-        let mut scan = Self { path, file, facts, node, epoch, parts, tiles, references: 0, fault: None };
+        let mut scan = Self { path, file, facts, node, epoch, parts, tiles, fault: None };
         if let Err(fault) = scan.walk(layout) {
             scan.fault = Some(format!("{}: {fault}", scan.path.display()));
         }
@@ -81,15 +86,15 @@ impl Scan {
         let numbers = RecordNumbers::new(layout);
         let mut tests = 0;
         let (mut body, mut words) = (Vec::new(), Vec::new());
-        while let Some(frame) = frames.next().map_err(|error| error.to_string())? {
+        while let Some(frame) = frames.next_frame().map_err(|error| error.to_string())? {
             let at = |what: String| format!("byte {} (frame {}): {what}", frame.offset, frame.number);
             match (frame.number, frame.kind) {
                 (0, FrameKind::Schema) => self.check_schema(&frame, layout).map_err(at)?,
                 (0, _) => return Err(at("expected a schema".to_owned())),
                 (_, FrameKind::Batch) => {
                     frame.read_body(&file, &mut body).map_err(|error| error.to_string())?;
-                    let row = row(&frame, &body).map_err(at)?;
-                    let checked = self.check_words(&row, frame.body_offset, &body, &mut words, &numbers);
+                    let mut row = row(&frame, &body).map_err(at)?;
+                    let checked = self.check_words(&mut row, frame.body_offset, &body, &mut words, &numbers);
                     let (reads, tested) = checked.map_err(at)?;
                     tests = if row.part == 0 { tested } else { tests + tested };
                     self.book(&row, reads, tests).map_err(at)?;
@@ -127,7 +132,7 @@ impl Scan {
     /// Checks a row's words, and counts reads and reads of primitives.
     fn check_words(
         &self,
-        row: &Row,
+        row: &mut Row,
         body_offset: u64,
         body: &[u8],
         words: &mut Vec<u32>,
@@ -135,9 +140,10 @@ impl Scan {
     ) -> Result<(u64, u64), String> {
         let from = (row.words.offset - body_offset) as usize;
         let bytes = &body[from..from + 4 * row.words.words as usize];
-        let found = crc32c::crc32c(bytes);
-        if found != row.words.crc32c {
-            return Err(format!("crc32c of the words is {found:#010x}, expected {:#010x}", row.words.crc32c));
+        row.words.crc32c = crc32c::crc32c(bytes);
+        let found = row_crc32c(row.words.crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
+        if found != row.crc32c {
+            return Err(format!("crc32c of the row is {found:#010x}, expected {:#010x}", row.crc32c));
         }
         words.clear();
         words.extend(bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
@@ -160,19 +166,28 @@ impl Scan {
     /// Adds the row to its tile.
     fn book(&mut self, row: &Row, reads: u64, tests: u64) -> Result<(), String> {
         let (tile, attempt) = (row.tile, row.attempt);
-        match self.tiles.last_mut() {
-            Some(last) if (last.tile, last.attempt, last.whole) == (tile, attempt, false) && last.parts == row.part => {
-                last.parts += 1;
-                last.whole = row.is_last;
+        match self.tiles.last().filter(|last| !last.whole) {
+            Some(open) if (open.tile, open.attempt, open.parts) != (tile, attempt, row.part) => {
+                let ScannedTile { tile: of, attempt: at, parts, .. } = open;
+                return Err(format!("part {} of {tile}, {attempt}, expected part {parts} of {of}, {at}", row.part));
             }
-            _ if row.part == 0 => self.tiles.push(ScannedTile { tile, attempt, whole: row.is_last, parts: 1 }),
-            _ => return Err(format!("part {} of {tile}, {attempt}: the part before it is missing", row.part)),
+            None if row.part != 0 => {
+                return Err(format!("part {} of {tile}, {attempt}, expected part 0 of a tile", row.part));
+            }
+            _ => {}
         }
         if row.is_last && row.primitive_tests != tests {
             return Err(format!("{tile}, {attempt}: {tests} primitives read, expected {}", row.primitive_tests));
         }
+        if row.part == 0 {
+            self.tiles.push(ScannedTile { tile, attempt, whole: false, parts: 0, references: 0 });
+        }
+        if let Some(open) = self.tiles.last_mut() {
+            open.parts += 1;
+            open.whole = row.is_last;
+            open.references += reads;
+        }
         self.parts.push(row.words);
-        self.references += reads;
         Ok(())
     }
 }
@@ -180,7 +195,7 @@ impl Scan {
 /// Length and checksum of a file.
 pub(super) fn facts(path: &Path, file: &File) -> std::io::Result<FileFacts> {
     let bytes = ReadAt::bytes(file)?;
-    let mut block = vec![0; 1 << 18];
+    let mut block = vec![0; bytes.min(1 << 18) as usize];
     let (mut crc32c, mut at) = (0, 0);
     while at < bytes {
         let length = (bytes - at).min(block.len() as u64) as usize;
@@ -234,8 +249,8 @@ fn row(frame: &Frame, body: &[u8]) -> Result<Row, String> {
     let tests = values(9, 8)?;
     let offsets = values(13, 8)?;
     let (first, words) = (u32_of(offsets), u32_of(&offsets[4..]));
-    if first != 0 || words as usize > PART_WORDS {
-        return Err(format!("words {first} to {words} of a part, expected 0 to at most {PART_WORDS}"));
+    if first != 0 || words == 0 || words as usize > PART_WORDS {
+        return Err(format!("words {first} to {words} of a part, expected 0 to 1 or more, at most {PART_WORDS}"));
     }
     values(15, 4 * words as usize)?;
     let offset = frame.body_offset + buffers.get(15).offset() as u64;
@@ -245,6 +260,7 @@ fn row(frame: &Frame, body: &[u8]) -> Result<Row, String> {
         part: column(2)?,
         is_last: values(7, 1)?[0] & 1 == 1,
         primitive_tests: u64::from(u32_of(tests)) | u64::from(u32_of(&tests[4..])) << 32,
-        words: Place { offset, words, crc32c: column(5)? },
+        crc32c: column(5)?,
+        words: Place { offset, words, crc32c: 0 },
     })
 }

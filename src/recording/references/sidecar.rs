@@ -1,17 +1,29 @@
 //! `references.json`: what holds for all references of a run, written when the run is over.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::FORMAT_VERSION;
+use super::reader::open_regular;
 use crate::atomic_file;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::topology::Image;
 use crate::tracer::Tiling;
+use crate::tracer::view::ImageSettings;
 
 /// The sidecar's name.
 pub const SIDECAR_NAME: &str = "references.json";
+
+/// A longer sidecar is none.
+const BYTES_MAX: u64 = 1 << 26;
+/// More node processes than this no run has.
+const FILES_MAX: usize = 1 << 16;
+
+/// The last key: the checksum of all bytes before it.
+const CHECKSUM: &str = ",\"crc32c\":";
 
 /// By which a reader knows what was recorded, and that all of it is there.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -58,7 +70,81 @@ impl Sidecar {
     /// # Errors
     /// The file cannot be written; the error names it.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
-        let json = serde_json::to_string(self).map_err(io::Error::other)?;
+        let json = self.to_json()?;
         atomic_file::write(&folder.join(SIDECAR_NAME), |file| io::Write::write_all(file, json.as_bytes()))
     }
+
+    fn to_json(&self) -> io::Result<String> {
+        let mut json = serde_json::to_string(self).map_err(io::Error::other)?;
+        // The closing brace.
+        json.pop();
+        Ok(format!("{json}{CHECKSUM}{}}}\n", crc32c::crc32c(json.as_bytes())))
+    }
+
+    /// Reads the sidecar of a folder, and what is wrong with it all the same.
+    ///
+    /// # Errors
+    /// It is not there, or nothing can be made of it.
+    pub fn read(folder: &Path) -> Result<(Self, Option<String>), String> {
+        let mut text = Vec::new();
+        let file = open_regular(&folder.join(SIDECAR_NAME)).map_err(|error| error.to_string())?;
+        file.take(BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| error.to_string())?;
+        if text.len() as u64 > BYTES_MAX {
+            return Err(format!("more than {BYTES_MAX} bytes, expected a sidecar"));
+        }
+        Self::parse(&text)
+    }
+
+    fn parse(text: &[u8]) -> Result<(Self, Option<String>), String> {
+        #[derive(Deserialize)]
+        struct Version {
+            format_version: u32,
+        }
+        let not_ours = |error: serde_json::Error| format!("{error}, expected the sidecar of recorded references");
+        let Version { format_version } = serde_json::from_slice(text).map_err(not_ours)?;
+        if format_version != FORMAT_VERSION {
+            return Err(format!("version {format_version} of the format, expected {FORMAT_VERSION}"));
+        }
+        let sidecar: Self = serde_json::from_slice(text).map_err(not_ours)?;
+        if sidecar.files.len() > FILES_MAX {
+            return Err(format!("{} files, expected at most {FILES_MAX}", sidecar.files.len()));
+        }
+        check_tiling(sidecar.tiling)?;
+        Ok((sidecar, checksum_fault(text)))
+    }
+}
+
+fn checksum_fault(text: &[u8]) -> Option<String> {
+    let last = text.windows(CHECKSUM.len()).rposition(|window| window == CHECKSUM.as_bytes());
+    let told = last.and_then(|at| {
+        let number = std::str::from_utf8(&text[at + CHECKSUM.len()..]).ok()?.trim_end().strip_suffix('}')?;
+        Some((crc32c::crc32c(&text[..at]), number.parse::<u32>().ok()?))
+    });
+    match told {
+        Some((found, expected)) if found == expected => None,
+        Some((found, expected)) => Some(format!(
+            "crc32c of what stands before it is {found:#010x}, expected {expected:#010x}: what it says of the run may be \
+             wrong, the files beside it can be used as far as they agree with it"
+        )),
+        None => Some(
+            "expected a crc32c as its last key: what it says of the run may be wrong, the files beside it can be used as \
+             far as they agree with it"
+                .to_owned(),
+        ),
+    }
+}
+
+/// That its tiles can be counted, and are not too many.
+fn check_tiling(tiling: Tiling) -> Result<(), String> {
+    let Tiling { width, height, tile_width, tile_height } = tiling;
+    let found = || format!("tiles of {tile_width}x{tile_height} pixels in an image of {width}x{height}");
+    let side = |side: u32| (1..=ImageSettings::SIDE_MAX).contains(&side);
+    if ![width, height, tile_width, tile_height].into_iter().all(side) {
+        return Err(format!("{}, expected sides from 1 to {}", found(), ImageSettings::SIDE_MAX));
+    }
+    let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
+    if tiles > Image::TILES_MAX {
+        return Err(format!("{} are {tiles} tiles, expected at most {}", found(), Image::TILES_MAX));
+    }
+    Ok(())
 }

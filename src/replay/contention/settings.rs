@@ -2,22 +2,19 @@
 
 use serde::Serialize;
 
-use crate::topology::{Bus, Cluster, Processor};
+use crate::topology::{Bus, Cluster};
 
-/// The part of a topology that decides times.
+/// The part of a topology that decides times on the bus; what is computed meanwhile is the workload's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ContentionSettings {
     /// Processing nodes, 1 to 256.
     pub nodes: u16,
-    /// For who makes the workload: see [`ReadCycles`](super::ReadCycles).
-    pub processor: Processor,
     /// With the arbiter.
     pub bus: Bus,
 }
 
 impl From<&Cluster> for ContentionSettings {
     fn from(cluster: &Cluster) -> Self {
-        let &Cluster { nodes, processor, bus, .. } = cluster;
-        Self { nodes, processor, bus }
+        Self { nodes: cluster.nodes, bus: cluster.bus }
     }
 }

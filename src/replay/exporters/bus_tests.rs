@@ -10,15 +10,14 @@ use crate::ids::{ClusterId, NodeId, TileId};
 use crate::machine::transaction::Kind;
 use crate::replay::contention::{Burst, ContentionSettings, Cycle, Observer, Transaction, simulate};
 use crate::replay::work::Step;
-use crate::topology::{Bus, Processor};
+use crate::topology::Bus;
 
 /// An address word, 2 cycles of latency, a word of data: 4 cycles each.
 ///
 /// Both nodes begin a tile at once. Node 0 asks for its job (cycles 0 to 4), computes 6 cycles, and fetches (10 to 14).
 /// Node 1 waits for its job (4 to 8), computes 3 cycles, and waits for its fetch from 11 on (14 to 18).
 fn simulated(observer: &mut impl Observer, step: impl Fn(Step)) {
-    let settings =
-        ContentionSettings { nodes: 2, processor: Processor::DEFAULT, bus: Bus { latency: 2, ..Bus::DEFAULT } };
+    let settings = ContentionSettings { nodes: 2, bus: Bus { latency: 2, ..Bus::DEFAULT } };
     let mut done = [0; 2];
     let mut workload = |node: NodeId, now: Cycle| {
         let tile = TileId(7 + u32::from(node.0));
@@ -60,6 +59,14 @@ fn named(events: &[(&str, u64, u64)]) -> Vec<(String, u64, u64)> {
     events.iter().map(|&(name, ts, duration)| (name.to_owned(), ts, duration)).collect()
 }
 
+/// The counter of a bus, with its times.
+fn utilisation(trace: &Value, bus: u64) -> Vec<(u64, f64)> {
+    let all = trace["traceEvents"].as_array().expect("events");
+    let counter = all.iter().filter(|event| event["ph"] == "C" && event["pid"] == bus);
+    let value = |event: &Value| (event["ts"].as_u64(), event["args"]["share"].as_f64());
+    counter.map(|event| (value(event).0.expect("a time"), value(event).1.expect("a share"))).collect()
+}
+
 #[test]
 fn chrome_by_hand() {
     let trace = ChromeTrace::new(Vec::new(), 5);
@@ -80,10 +87,7 @@ fn chrome_by_hand() {
             assert_eq!(events(&trace, phase, bus + 2), named(&[("tile 8", times[1], 0)]));
         }
         // Held from 0 to 8 and from 10 to 18.
-        let all = trace["traceEvents"].as_array().expect("events");
-        let counter = all.iter().filter(|event| event["ph"] == "C" && event["pid"] == bus);
-        let shares: Vec<Value> = counter.map(|event| json!([event["ts"], event["args"]["share"]])).collect();
-        assert_eq!(json!(shares), json!([[0, 1.0], [5, 0.6], [10, 1.0], [15, 1.0], [18, 0.0]]));
+        assert_eq!(utilisation(&trace, bus), [(0, 1.0), (5, 0.6), (10, 1.0), (15, 1.0), (18, 0.0)]);
     }
     let names: Vec<&Value> = trace["traceEvents"].as_array().expect("events").iter().collect();
     let names: Vec<&Value> =
@@ -97,8 +101,7 @@ fn chrome_by_hand() {
 fn long_silence_is_one_window_of_zero() {
     let trace = ChromeTrace::new(Vec::new(), 10);
     trace.cluster(ClusterId(0), 1);
-    let settings =
-        ContentionSettings { nodes: 1, processor: Processor::DEFAULT, bus: Bus { latency: 2, ..Bus::DEFAULT } };
+    let settings = ContentionSettings { nodes: 1, bus: Bus { latency: 2, ..Bus::DEFAULT } };
     let mut bursts = [1_000_000_008, 3].into_iter();
     let mut workload = |_, _| {
         let transaction = Some(Transaction { kind: Kind::Fetch, bytes: 4 });
@@ -106,15 +109,9 @@ fn long_silence_is_one_window_of_zero() {
     };
     let Ok(_) = simulate(&settings, &mut workload, &mut &trace);
     let trace: Value = serde_json::from_slice(&trace.finish().expect("into memory")).expect("JSON");
-    let all = trace["traceEvents"].as_array().expect("events");
-    let shares: Vec<Value> = all
-        .iter()
-        .filter(|event| event["ph"] == "C")
-        .map(|event| json!([event["ts"], event["args"]["share"]]))
-        .collect();
     // Held from 8 to 12 and from 15 to 19 after the silence; the last window is cut.
     let t = 1_000_000_000u64;
-    assert_eq!(json!(shares), json!([[0, 0.0], [10, 0.0], [t, 0.2], [t + 10, 6.0 / 9.0], [t + 19, 0.0]]));
+    assert_eq!(utilisation(&trace, 1), [(0, 0.0), (10, 0.0), (t, 0.2), (t + 10, 6.0 / 9.0), (t + 19, 0.0)]);
 }
 
 #[test]

@@ -25,8 +25,10 @@ pub struct Imported {
     pub writes: u64,
     /// References to nothing, of size zero, that are left out as libCacheSim leaves them out.
     pub left_out: u64,
-    /// Of all references.
-    pub bytes_read: u64,
+    /// By record, its place in `sizes`.
+    kinds: Vec<u32>,
+    /// 32-bit words, begun ones too, in ascending order, each once.
+    sizes: Vec<u32>,
     table: TableLines,
 }
 
@@ -43,6 +45,17 @@ impl Imported {
 
     pub fn references(&self) -> u64 {
         self.references
+    }
+
+    /// Records of the same number of 32-bit words are of one kind.
+    #[inline(always)]
+    pub fn kind(&self, record: u32) -> usize {
+        self.kinds[record as usize] as usize
+    }
+
+    /// By kind: 32-bit words, begun ones too. What has no size is within one.
+    pub fn record_words(&self) -> &[u32] {
+        &self.sizes
     }
 
     /// How many different pairs of address and size there are.
@@ -81,7 +94,6 @@ pub(super) struct Builder {
     references: u64,
     pub(super) writes: u64,
     pub(super) left_out: u64,
-    bytes_read: u64,
 }
 
 impl Builder {
@@ -95,7 +107,6 @@ impl Builder {
             references: 0,
             writes: 0,
             left_out: 0,
-            bytes_read: 0,
         })
     }
 
@@ -118,7 +129,6 @@ impl Builder {
         };
         self.part.push(Word::read(record).0);
         self.references += 1;
-        self.bytes_read += u64::from(bytes);
         if self.part.len() == PART_WORDS { self.keep_part() } else { Ok(()) }
     }
 
@@ -139,13 +149,19 @@ impl Builder {
             accepted: true,
             parts: 0..parts,
         };
+        let mut sizes: Vec<u32> = self.records.iter().map(|record| record.words()).collect();
+        sizes.sort_unstable();
+        sizes.dedup();
+        let kind = |record: &Extent| sizes.partition_point(|&words| words < record.words()) as u32;
+        let kinds = self.records.iter().map(kind).collect();
         Ok(Imported {
             tile: [tile],
             words: self.words,
             references: self.references,
             writes: self.writes,
             left_out: self.left_out,
-            bytes_read: self.bytes_read,
+            kinds,
+            sizes,
             table: TableLines::new(&self.records, self.unit)?,
         })
     }

@@ -28,6 +28,11 @@ impl Extent {
         Ok(Self { address, bytes })
     }
 
+    /// 32-bit words, a begun one too.
+    pub(super) fn words(self) -> u32 {
+        self.bytes.div_ceil(4)
+    }
+
     /// The first granule and the last.
     fn granules(self) -> (u64, u64) {
         (self.address / GRANULE_BYTES, (self.address + u64::from(self.bytes) - 1) / GRANULE_BYTES)

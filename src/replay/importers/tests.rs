@@ -88,7 +88,10 @@ fn only_what_is_referenced_has_a_place() {
     // By hand: granules 0, 1, 4 and 2^52 of 256 bytes; 250 with 10 bytes is in granules 0 and 1.
     let rows = "bytes,x,address\n10,a,250\n4,b,0x404\n4,\"c,d\",1024\n\n4,e,0x10000000000000\n10,f,250\n";
     let imported = csv::read(Path::new("x"), rows.as_bytes()).expect("a trace");
-    assert_eq!((imported.references(), imported.records(), imported.bytes_read), (5, 4, 32));
+    assert_eq!((imported.references(), imported.records()), (5, 4));
+    // 10 bytes are three words, 4 are one.
+    assert_eq!(imported.record_words(), [1, 3]);
+    assert_eq!([0, 1, 2, 3].map(|record| imported.kind(record)), [1, 0, 0, 0]);
     assert_eq!(imported.image_bytes(), 4 * 256);
     let lines = imported.lines(64);
     assert_eq!(lines.count(), 16);

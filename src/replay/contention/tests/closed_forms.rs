@@ -67,7 +67,7 @@ fn settings_and_costs_come_from_the_topology() {
     };
     let cluster = Cluster { nodes: 9, processor, local_memory, bus: Bus { width: 8, ..Bus::DEFAULT } };
     let settings = ContentionSettings::from(&cluster);
-    assert_eq!(settings, ContentionSettings { nodes: 9, processor, bus: cluster.bus });
+    assert_eq!(settings, ContentionSettings { nodes: 9, bus: cluster.bus });
     let cycles = ReadCycles::new(&processor);
     assert_eq!(Section::ALL.map(|section| cycles.of(section)), [23, 3, 63, 63, 63, 203, 3, 3]);
 }

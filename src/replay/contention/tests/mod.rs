@@ -14,7 +14,7 @@ use crate::machine::transaction::Kind;
 use crate::topology::{Arbiter, Bus, Processor, Transactions};
 
 fn settings(nodes: u16, bus: Bus) -> ContentionSettings {
-    ContentionSettings { nodes, processor: Processor::DEFAULT, bus }
+    ContentionSettings { nodes, bus }
 }
 
 fn fetch(compute_cycles: Cycle, bytes: u32) -> Burst {

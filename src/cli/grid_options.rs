@@ -48,6 +48,20 @@ fn tile_order(text: &str) -> Result<TileOrder, String> {
     found.ok_or_else(|| "expected scanline, morton or random".to_owned())
 }
 
+/// Columns of a row that are settings.
+pub(super) const SETTINGS: [&str; 10] = [
+    "local_memory",
+    "line",
+    "ways",
+    "replacement",
+    "nodes",
+    "clusters",
+    "tile_order",
+    "assignment",
+    "bus_width",
+    "arbiter",
+];
+
 impl GridOptions {
     pub(in crate::cli) fn grid(&self) -> Grid {
         fn values<T: Copy, U>(list: &Option<List<T>>, value: impl Fn(T) -> U) -> Vec<U> {

@@ -11,14 +11,14 @@ use crate::cli::Failure;
 
 /// How a table is printed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub(in crate::cli) enum Format {
+pub(super) enum Format {
     Text,
     Json,
     Csv,
 }
 
 /// Rows of one kind.
-pub(in crate::cli) struct Table {
+pub(super) struct Table {
     /// As JSON.
     json: String,
     columns: Vec<String>,
@@ -52,7 +52,7 @@ impl<'de> Deserialize<'de> for Fields {
 }
 
 impl Table {
-    pub(in crate::cli) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
+    pub(super) fn new(rows: &[impl Serialize]) -> Result<Self, Failure> {
         let failed = |error: serde_json::Error| Failure::failed(error.to_string());
         let json = serde_json::to_string_pretty(rows).map_err(failed)? + "\n";
         let fields: Vec<Fields> = serde_json::from_str(&json).map_err(failed)?;
@@ -62,7 +62,7 @@ impl Table {
     }
 
     /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
-    pub(in crate::cli) fn print(&self, format: Format, settings: &[&str]) -> String {
+    pub(super) fn print(&self, format: Format, settings: &[&str]) -> String {
         match format {
             Format::Text => self.text(settings),
             Format::Json => self.json.clone(),
