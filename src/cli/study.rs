@@ -5,7 +5,6 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-
 use serde::Serialize;
 
 use super::grid_options::{GridOptions, SETTINGS};
