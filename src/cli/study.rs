@@ -5,7 +5,6 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-
 use serde::Serialize;
 
 use super::grid_options::{GridOptions, SETTINGS};
@@ -28,7 +27,7 @@ pub struct StudyArguments {
 #[derive(Clone, Debug, Subcommand)]
 enum Study {
     Paper(PaperArguments),
-    Sweep(SweepArguments),
+    Sweep(Box<SweepArguments>),
 }
 
 /// Print the 1991 paper's figures beside this program's

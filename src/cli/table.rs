@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn what_is_the_same_stands_above_the_table() {
         let text = table().print(Format::Text, &["line", "nodes"]);
-        assert_eq!(text, "line 64\n\nnodes  misses        why\n    4     100          -\n   16       7  a, \"b\"\n");
+        assert_eq!(text, "line 64\n\nnodes  misses     why\n    4     100       -\n   16       7  a, \"b\"\n");
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl Chart {
             let style = series.style;
             drawn.label(&series.name).legend(move |(x, y)| match style {
                 Style::Published => Cross::new((x + 10, y), 5, line).into_dyn(),
-                Style::Dashed => DashedPathElement::new([(x, y), (x + 20, y)].into_iter(), 6, 4, line).into_dyn(),
+                Style::Dashed => DashedPathElement::new([(x, y), (x + 20, y)], 6, 4, line).into_dyn(),
                 Style::Line | Style::Marked => PathElement::new([(x, y), (x + 20, y)], line).into_dyn(),
             });
         }
