@@ -56,6 +56,12 @@ fn the_core_is_pure() {
 }
 
 #[test]
+fn replays_start_nothing() {
+    let outer = ["crate::processes", "crate::cli", "crate::study", "tokio", "std::net", "SystemTime", "Instant"];
+    forbid("src/replay", &outer, &[], "a replay reads a recording and counts");
+}
+
+#[test]
 fn studies_replay_and_start_nothing() {
     let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
     forbid("src/study", &outer, &[], "a study is a function of its scenes");

@@ -73,6 +73,13 @@ fn export_references(
     let is_of_one_memory = matches!(format, Export::Din | Export::OracleGeneral);
     let tiles: Vec<u32> = match node {
         Some(node) => match nodes.get(usize::from(node)) {
+            Some(processes) if is_of_one_memory && processes.len() > 1 => {
+                return Err(Failure::bad_input(format!(
+                    "node {node} was replaced: its references are those of {} memories, and this format has no mark for \
+                     a new one; expected a node that lived, or --assignment interleaved",
+                    processes.len()
+                )));
+            }
             Some(processes) => processes.concat(),
             None => return Err(Failure::bad_input(format!("node {node}, expected one below {}", nodes.len()))),
         },

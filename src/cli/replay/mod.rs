@@ -126,7 +126,14 @@ fn import(path: &Path) -> Result<Imported, Failure> {
             )));
         }
     };
-    Ok(imported?)
+    let imported = imported?;
+    if imported.writes > 0 {
+        eprintln!("note: {} writes count as reads", imported.writes);
+    }
+    if imported.left_out > 0 {
+        eprintln!("note: {} references to nothing, of size 0, are left out", imported.left_out);
+    }
+    Ok(imported)
 }
 
 impl ReplayArguments {
