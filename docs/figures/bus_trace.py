@@ -10,13 +10,13 @@ import pathlib
 
 HERE = pathlib.Path(__file__).parent
 CYCLES = 12_000
-WIDTH, LEFT, ROW, TOP = 960, 90, 22, 24
+WIDTH, LEFT, RIGHT, ROW, TOP = 960, 90, 30, 22, 24
 TILE, STALL, BUS = "#d8e4f0", "#c0392b", "#1f4e79"
 
 events = json.load(gzip.open(HERE / "bus-trace.json.gz"))["traceEvents"]
 names = {event["pid"]: event["args"]["name"] for event in events if event["name"] == "process_name"}
 rows = {pid: i for i, pid in enumerate(sorted(names))}
-x = lambda cycle: LEFT + min(cycle, CYCLES) / CYCLES * (WIDTH - LEFT - 10)
+x = lambda cycle: LEFT + min(cycle, CYCLES) / CYCLES * (WIDTH - LEFT - RIGHT)
 height = TOP + ROW * len(rows) + 40
 out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="sans-serif" font-size="12">',
        f'<rect width="{WIDTH}" height="{height}" fill="white"/>']
