@@ -14,7 +14,7 @@ use marti::machine::local_memory::Geometry;
 use marti::machine::replacement::Lru;
 use marti::preparation::{Fallback, prepare};
 use marti::render::thread_cpu;
-use marti::replay::count::{Replayer, Sum, Totals};
+use marti::replay::count::{Counters, Replayer, Sum};
 use marti::replay::curve::curve;
 use marti::replay::optimal::optimal;
 use marti::replay::{Captured, Lines, RecordLines, Trace, reads};
@@ -33,7 +33,7 @@ fn main() {
     let tiles: Vec<u32> = (0..trace.tiles().len() as u32).collect();
     let size = geometry.lines();
 
-    let mut counted = Totals::default();
+    let mut counted = Counters::default();
     let mut points = 0;
     let optima = [size / 2, size, size * 2, size * 4].map(|ways| Geometry { ways, ..geometry });
     let mut optimum = 0;
@@ -100,7 +100,7 @@ fn decode(trace: &Captured, lines: &RecordLines) -> u64 {
     sum
 }
 
-fn count(trace: &Captured, tiles: &[u32], lines: &RecordLines, geometry: Geometry) -> Totals {
+fn count(trace: &Captured, tiles: &[u32], lines: &RecordLines, geometry: Geometry) -> Counters {
     let (mut memory, mut sum) = (Replayer::<Lru, _>::new(lines, geometry, 1), Sum::new(trace));
     for &tile in tiles {
         memory.tile(trace, tile, &mut sum).expect("sound");
@@ -169,7 +169,7 @@ for hashpower in 24, 16:
     print(l.__version__, hashpower, misses, sorted(times)[turns // 2])
 ";
 
-fn libcachesim(file: &Path, size: u32, turns: usize, counted: &Totals, measured: &[Measured; 5]) {
+fn libcachesim(file: &Path, size: u32, turns: usize, counted: &Counters, measured: &[Measured; 5]) {
     let mut python = Command::new("python3");
     python.args(["-c", SCRIPT]).arg(file).args([
         size.to_string(),

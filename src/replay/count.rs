@@ -1,9 +1,11 @@
 //! One local memory over the references of one node: hits and misses, without data.
 
+use super::lines::{SPANS_MAX, Spans};
 use super::{Lines, Trace, TraceError};
 use crate::machine::local_memory::{Directory, Geometry};
 use crate::machine::references::{Event, Word};
 use crate::machine::replacement::Replacement;
+pub use crate::machine::stats::Counters;
 use crate::tracer::RayKind;
 
 /// What is told of a replay as it goes.
@@ -14,25 +16,6 @@ pub trait Tally {
     fn ray(&mut self, kind: RayKind);
     /// A record was read that lies in so many lines, and so many of these were missing.
     fn read(&mut self, record: u32, lines: u32, missing: u32);
-}
-
-/// Counts of accepted tiles, all kinds and sections together.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct Totals {
-    pub record_accesses: u64,
-    /// Records with at least one line missing: each is one fetch.
-    pub record_misses: u64,
-    pub line_accesses: u64,
-    pub line_misses: u64,
-}
-
-impl Totals {
-    pub fn add(&mut self, other: &Self) {
-        self.record_accesses += other.record_accesses;
-        self.record_misses += other.record_misses;
-        self.line_accesses += other.line_accesses;
-        self.line_misses += other.line_misses;
-    }
 }
 
 /// A local memory that references go through.
@@ -80,13 +63,16 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// # Errors
     /// A word of a kind that this version does not know.
     pub fn words(&mut self, words: &[u32], tally: &mut impl Tally) -> Result<(), TraceError> {
-        for &word in words {
-            if Word(word).is_read() {
-                let (first, count) = self.lines.of(word);
-                let missing = self.reference(first, count);
-                tally.read(word, count, missing);
-            } else {
-                mark(word, tally)?;
+        let mut spans = Spans::default();
+        for words in words.chunks(SPANS_MAX) {
+            self.lines.spans(words, &mut spans);
+            for (&word, (first, count)) in words.iter().zip(spans.iter()) {
+                if count > 0 {
+                    let missing = self.reference(first, count);
+                    tally.read(word, count, missing);
+                } else {
+                    mark(word, tally)?;
+                }
             }
         }
         Ok(())
@@ -159,21 +145,21 @@ fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
     Ok(())
 }
 
-/// Sums [`Totals`]; what belongs to tiles that were not accepted is left out.
+/// Sums [`Counters`], all kinds and sections together; what belongs to tiles that were not accepted is left out.
 pub struct Sum<'a, T: ?Sized> {
     trace: &'a T,
     accepted: bool,
-    now: Totals,
-    pub totals: Totals,
+    now: Counters,
+    pub totals: Counters,
 }
 
 impl<'a, T: Trace + ?Sized> Sum<'a, T> {
     pub fn new(trace: &'a T) -> Self {
-        Self { trace, accepted: false, now: Totals::default(), totals: Totals::default() }
+        Self { trace, accepted: false, now: Counters::default(), totals: Counters::default() }
     }
 
     /// All that was counted.
-    pub fn finish(mut self) -> Totals {
+    pub fn finish(mut self) -> Counters {
         self.book();
         self.totals
     }

@@ -1,6 +1,6 @@
 //! Misses of LRU memories of all sizes at once.
 
-use super::count::Totals;
+use super::count::Counters;
 use super::reads;
 use super::schedule::Schedule;
 use super::stack_distance::LruStack;
@@ -27,9 +27,9 @@ pub struct Point {
 
 impl LruCurve {
     /// What a memory of so many lines counts.
-    pub fn at(&self, lines: u32) -> Totals {
+    pub fn at(&self, lines: u32) -> Counters {
         let (line_accesses, line_misses) = (self.lines.all(), self.lines.at_least(lines));
-        Totals {
+        Counters {
             record_accesses: line_accesses - self.others.all(),
             record_misses: line_misses - self.others.at_least(lines),
             line_accesses,
@@ -38,7 +38,7 @@ impl LruCurve {
     }
 
     /// What no memory can avoid: lines referenced for the first time, and the records that they belong to.
-    pub fn compulsory(&self) -> Totals {
+    pub fn compulsory(&self) -> Counters {
         self.at(u32::MAX)
     }
 
@@ -49,7 +49,7 @@ impl LruCurve {
 
     /// From one line on, all numbers of lines where the curve changes.
     pub fn points(&self) -> Vec<Point> {
-        let Totals { record_accesses, line_accesses, .. } = self.at(0);
+        let Counters { record_accesses, line_accesses, .. } = self.at(0);
         let mut now = Point { lines: 0, record_misses: record_accesses, line_misses: line_accesses };
         let mut points = Vec::new();
         for distance in 0..self.enough().max(1) {
@@ -292,7 +292,7 @@ mod tests {
     fn nothing_is_a_flat_curve() {
         let none = LruCurve::default();
         assert_eq!(none.points(), [Point { lines: 1, record_misses: 0, line_misses: 0 }]);
-        assert_eq!((none.at(0), none.enough()), (Totals::default(), 0));
+        assert_eq!((none.at(0), none.enough()), (Counters::default(), 0));
         assert_eq!(curve_of(&[3, 3]).points(), [Point { lines: 1, record_misses: 1, line_misses: 1 }]);
     }
 
@@ -346,8 +346,8 @@ mod tests {
         }
     }
 
-    fn by_list(records: &[u32], lines: &impl Lines, size: usize) -> Totals {
-        let (mut list, mut totals) = (Vec::new(), Totals::default());
+    fn by_list(records: &[u32], lines: &impl Lines, size: usize) -> Counters {
+        let (mut list, mut totals) = (Vec::new(), Counters::default());
         for (first, count) in records.iter().map(|&record| lines.of(record)) {
             let mut missing = 0;
             for line in first..first + count {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::count::{Sum, Totals};
+use super::count::{Counters, Sum};
 use super::curve::{LruCurve, curve};
 use super::miss_classes::{MissClasses, classify};
 use super::node::replay_node;
@@ -78,7 +78,7 @@ enum Job {
 
 struct Done {
     setting: usize,
-    totals: Totals,
+    totals: Counters,
     timing: Option<Timing>,
 }
 
@@ -127,7 +127,7 @@ pub fn evaluate<S: Subject>(
             tick(jobs.len());
             done
         });
-    let mut sums = vec![(Totals::default(), None); settings.len()];
+    let mut sums = vec![(Counters::default(), None); settings.len()];
     for done in done {
         let Done { setting, totals, timing } = done?;
         sums[setting].0.add(&totals);
@@ -165,7 +165,7 @@ fn divide_misses<S: Subject>(
         let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
         let Some(job) = jobs.iter().position(is_same) else { continue };
         let row = &mut rows[i];
-        let actual = Totals {
+        let actual = Counters {
             record_accesses: row.record_accesses,
             record_misses: row.misses,
             line_accesses: row.line_accesses,
@@ -199,7 +199,7 @@ impl Row {
     fn new(
         setting: Setting,
         geometry: Geometry,
-        (totals, timing): (Totals, Option<Timing>),
+        (totals, timing): (Counters, Option<Timing>),
         words_read: u64,
         is_whole: bool,
         evaluation: &Evaluation,
@@ -251,10 +251,10 @@ fn count<S: Subject>(
     processes: &[Vec<u32>],
     policy: Policy,
     geometry: Geometry,
-) -> Result<Totals, TraceError> {
+) -> Result<Counters, TraceError> {
     if policy == Policy::Optimal {
         let lines = subject.lines(geometry.line_bytes);
-        let mut totals = Totals::default();
+        let mut totals = Counters::default();
         for tiles in processes {
             optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
         }

@@ -1,6 +1,6 @@
 //! Why a memory misses: Hill's three Cs (*Aspects of Cache Memory and Instruction Buffer Performance*, 1987).
 
-use super::count::Totals;
+use super::count::Counters;
 use super::curve::LruCurve;
 
 /// The misses of a memory, divided; their sum is the memory's own.
@@ -24,7 +24,7 @@ pub struct Classified {
 
 /// Divides the misses of a memory of so many lines, or of several; `curve` is that of the same references, summed
 /// over the same memories.
-pub fn classify(actual: &Totals, curve: &LruCurve, lines: u32) -> Classified {
+pub fn classify(actual: &Counters, curve: &LruCurve, lines: u32) -> Classified {
     let (least, lru) = (curve.compulsory(), curve.at(lines));
     debug_assert_eq!(
         (actual.record_accesses, actual.line_accesses),
@@ -52,7 +52,7 @@ mod tests {
     use crate::machine::replacement::{Fifo, Lru, Replacement};
     use crate::replay::Lines;
 
-    fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u32, ways: u32) -> (Totals, Classified) {
+    fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u32, ways: u32) -> (Counters, Classified) {
         let trace = captured(&[records], 7);
         let geometry = Geometry { line_bytes: 16, image_lines: lines.count(), sets, ways };
         let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(&trace));

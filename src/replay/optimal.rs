@@ -4,7 +4,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::count::Totals;
+use super::count::Counters;
 use super::next_use::{NextUses, Uses};
 use super::{Lines, Trace, TraceError};
 use crate::machine::local_memory::Geometry;
@@ -26,7 +26,7 @@ pub fn optimal(
     tiles: &[u32],
     lines: &impl Lines,
     geometries: &[Geometry],
-) -> Result<Vec<Totals>, TraceError> {
+) -> Result<Vec<Counters>, TraceError> {
     let mut memories: Vec<Memory> = geometries.iter().map(|&geometry| Memory::new(geometry, lines)).collect();
     NextUses::new(trace, tiles, lines)?.for_each_part(|uses| {
         for memory in &mut memories {
@@ -41,7 +41,7 @@ struct Memory {
     ways: usize,
     /// By line.
     resident: Vec<bool>,
-    totals: Totals,
+    totals: Counters,
 }
 
 #[derive(Clone, Default)]
@@ -61,7 +61,7 @@ impl Memory {
             sets: vec![Set::default(); geometry.sets as usize],
             ways: geometry.ways as usize,
             resident: vec![false; lines.count() as usize],
-            totals: Totals::default(),
+            totals: Counters::default(),
         }
     }
 
@@ -88,7 +88,7 @@ impl Memory {
             }
         }
         if part.accepted {
-            self.totals.add(&Totals {
+            self.totals.add(&Counters {
                 record_accesses: part.record_accesses,
                 record_misses,
                 line_accesses: part.line_accesses,
@@ -155,7 +155,7 @@ mod tests {
     }
 
     /// By looking ahead at each miss.
-    fn by_looking_ahead(records: &[u32], lines: &impl Lines, sets: u32, ways: usize) -> Totals {
+    fn by_looking_ahead(records: &[u32], lines: &impl Lines, sets: u32, ways: usize) -> Counters {
         let string: Vec<(usize, u32)> = (0..)
             .zip(records)
             .flat_map(|(i, &record)| {
@@ -165,8 +165,11 @@ mod tests {
             .collect();
         let mut resident = vec![Vec::new(); sets as usize];
         let mut missed = std::collections::BTreeSet::new();
-        let mut totals =
-            Totals { record_accesses: records.len() as u64, line_accesses: string.len() as u64, ..Totals::default() };
+        let mut totals = Counters {
+            record_accesses: records.len() as u64,
+            line_accesses: string.len() as u64,
+            ..Counters::default()
+        };
         for (at, &(record, line)) in string.iter().enumerate() {
             let set: &mut Vec<u32> = &mut resident[lines.set(line, sets) as usize];
             if set.contains(&line) {
@@ -185,7 +188,7 @@ mod tests {
         totals
     }
 
-    fn replayed<R: Replacement>(records: &[u32], lines: &impl Lines, geometry: Geometry) -> Totals {
+    fn replayed<R: Replacement>(records: &[u32], lines: &impl Lines, geometry: Geometry) -> Counters {
         let trace = captured(&[records], 9);
         let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(&trace));
         memory.tile(&trace, 0, &mut sum).expect("sound");

@@ -1,7 +1,7 @@
 //! Where misses come from.
 
 use super::Trace;
-use super::count::{Tally, Totals};
+use super::count::{Counters, Tally};
 use super::detail::Classes;
 use super::pixels::Pixels;
 use crate::database::{Layout, Section};
@@ -12,13 +12,13 @@ use crate::tracer::{RayKind, Tiling};
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Origins {
     /// By [`Section`].
-    pub sections: [Totals; Section::COUNT],
+    pub sections: [Counters; Section::COUNT],
     /// Of octree nodes, by their level; the root is on level 0.
-    pub levels: [Totals; LEVELS],
+    pub levels: [Counters; LEVELS],
     /// By [`RayKind`].
-    pub kinds: [Totals; RayKind::COUNT],
+    pub kinds: [Counters; RayKind::COUNT],
     /// By tile.
-    pub tiles: Vec<Totals>,
+    pub tiles: Vec<Counters>,
     /// By pixel of the image, row by row.
     pub pixels: Vec<PixelCounts>,
 }
@@ -62,7 +62,7 @@ impl<'a, T: Trace + ?Sized> OriginsTally<'a, T> {
                 sections: Default::default(),
                 levels: Default::default(),
                 kinds: Default::default(),
-                tiles: vec![Totals::default(); tiling.tile_count() as usize],
+                tiles: vec![Counters::default(); tiling.tile_count() as usize],
                 pixels: vec![PixelCounts::default(); pixels],
             },
         }
@@ -89,7 +89,7 @@ impl<T: Trace + ?Sized> Tally for OriginsTally<'_, T> {
     #[inline(always)]
     fn read(&mut self, record: u32, lines: u32, missing: u32) {
         let Some(tile) = self.tile else { return };
-        let one = Totals {
+        let one = Counters {
             record_accesses: 1,
             record_misses: u64::from(missing > 0),
             line_accesses: u64::from(lines),
@@ -133,8 +133,8 @@ mod tests {
         (0..trace.tiles.len() as u32).for_each(|tile| replayer.tile(trace, tile, tally).expect("kept"));
     }
 
-    fn sum<'a>(counts: impl IntoIterator<Item = &'a Totals>) -> Totals {
-        counts.into_iter().fold(Totals::default(), |mut sum, counts| {
+    fn sum<'a>(counts: impl IntoIterator<Item = &'a Counters>) -> Counters {
+        counts.into_iter().fold(Counters::default(), |mut sum, counts| {
             sum.add(counts);
             sum
         })
@@ -155,7 +155,7 @@ mod tests {
         assert_eq!([sum(sections), sum(kinds), sum(tiles)], [totals; 3]);
         assert_eq!(sum(by_level), sections[Section::OctreeNodes as usize]);
         assert!(totals.record_misses > 0 && by_level[0].record_accesses > 0);
-        assert_eq!(tiles[5], Totals::default(), "a lost tile counts for nothing");
+        assert_eq!(tiles[5], Counters::default(), "a lost tile counts for nothing");
         assert_eq!(pixels.iter().map(|pixel| pixel.record_accesses).sum::<u64>(), totals.record_accesses);
         assert_eq!(pixels.iter().map(|pixel| pixel.record_misses).sum::<u64>(), totals.record_misses);
         let octree: u64 = pixels.iter().map(|pixel| pixel.octree_accesses).sum();

@@ -1,5 +1,6 @@
 //! The reads of a stream as what memories see: lines.
 
+use super::lines::{SPANS_MAX, Spans};
 use super::{Lines, TraceError};
 use crate::machine::references::Word;
 
@@ -10,15 +11,18 @@ use crate::machine::references::Word;
 #[inline(always)]
 pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32)) -> Result<(), TraceError> {
     let end = lines.count();
-    for &word in words {
-        if Word(word).is_read() {
-            let (first, count) = lines.of(word);
-            if first >= end || count > end - first {
-                return Err(TraceError(format!("there is no record {word}")));
+    let mut spans = Spans::default();
+    for words in words.chunks(SPANS_MAX) {
+        lines.spans(words, &mut spans);
+        for (&word, (first, count)) in words.iter().zip(spans.iter()) {
+            if count > 0 {
+                if first >= end || count > end - first {
+                    return Err(TraceError(format!("there is no record {word}")));
+                }
+                each(first, count);
+            } else if Word(word).decode().is_none() {
+                return Err(TraceError(format!("{word:#010x} is no word that this version knows")));
             }
-            each(first, count);
-        } else if Word(word).decode().is_none() {
-            return Err(TraceError(format!("{word:#010x} is no word that this version knows")));
         }
     }
     Ok(())

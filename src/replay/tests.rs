@@ -1,7 +1,7 @@
 //! What a replay counts is what a node's local memory counts.
 
 use super::captured::tests::teapot;
-use super::count::{Replayer, Sum, Tally, Totals};
+use super::count::{Counters, Replayer, Sum, Tally};
 use super::detail::{Classes, Detail};
 use super::schedule::Schedule;
 use super::{Captured, RecordLines, Trace, TraceError, TracedTile};
@@ -167,7 +167,7 @@ fn sums_leave_out_tiles_that_were_not_accepted() {
         (0..=tile).for_each(|record| sum.read(record, 2, tile % 2));
         sum.read(9, 3, 2);
     }
-    let expected = Totals { record_accesses: 2 + 4, record_misses: 2, line_accesses: 2 + 6 + 6, line_misses: 4 };
+    let expected = Counters { record_accesses: 2 + 4, record_misses: 2, line_accesses: 2 + 6 + 6, line_misses: 4 };
     assert_eq!(sum.finish(), expected);
 }
 

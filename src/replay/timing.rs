@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::TraceError;
 use super::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
-use super::count::Totals;
+use super::count::Counters;
 use super::evaluation::schedule;
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
@@ -41,9 +41,9 @@ pub fn simulate_setting<S: Subject>(
     subject: &S,
     setting: &Setting,
     geometry: Geometry,
-) -> Result<(Timing, Totals), TraceError> {
+) -> Result<(Timing, Counters), TraceError> {
     let mut outcomes = Vec::new();
-    let mut totals = Totals::default();
+    let mut totals = Counters::default();
     for cluster in 0..setting.clusters {
         let (outcome, counted) = simulate_cluster(subject, setting, geometry, cluster, &mut (), |_| {})?;
         outcomes.push(outcome);
@@ -63,7 +63,7 @@ pub fn simulate_cluster<S: Subject>(
     cluster: u16,
     observer: &mut impl Observer,
     on_step: impl FnMut(Step),
-) -> Result<(Outcome, Totals), TraceError> {
+) -> Result<(Outcome, Counters), TraceError> {
     match setting.replacement {
         Policy::Lru => through::<Lru, _>(subject, setting, geometry, cluster, observer, on_step),
         Policy::Fifo => through::<Fifo, _>(subject, setting, geometry, cluster, observer, on_step),
@@ -82,7 +82,7 @@ fn through<R: Replacement, S: Subject>(
     cluster: u16,
     observer: &mut impl Observer,
     on_step: impl FnMut(Step),
-) -> Result<(Outcome, Totals), TraceError> {
+) -> Result<(Outcome, Counters), TraceError> {
     let lines = subject.lines(geometry.line_bytes);
     let (cluster, nodes) = (usize::from(cluster), usize::from(setting.nodes));
     let tiles = match setting.assignment {

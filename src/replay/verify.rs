@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::count::{Replayer, Sum, Totals};
+use super::count::{Counters, Replayer, Sum};
 use super::curve::{LruCurve, curve};
 use super::{Captured, Lines, Trace, TraceError, reads};
 use crate::machine::local_memory::Geometry;
@@ -23,8 +23,8 @@ pub struct Comparison {
     pub method: Method,
     /// Of the memory.
     pub lines: u32,
-    pub curve: Totals,
-    pub recomputed: Totals,
+    pub curve: Counters,
+    pub recomputed: Counters,
 }
 
 impl Comparison {
@@ -90,7 +90,7 @@ fn by_directory(
     tiles: &[u32],
     lines: &impl Lines,
     size: u32,
-) -> Result<Totals, TraceError> {
+) -> Result<Counters, TraceError> {
     // The directory does not ask how large a line is.
     let geometry = Geometry { line_bytes: 16, image_lines: lines.count(), sets: 1, ways: size };
     let mut memory = Replayer::<Lru, _>::new(lines, geometry, 0);
@@ -101,12 +101,12 @@ fn by_directory(
     Ok(sum.finish())
 }
 
-fn by_list(trace: &Captured, lines: &impl Lines, size: u32) -> Result<Totals, TraceError> {
+fn by_list(trace: &Captured, lines: &impl Lines, size: u32) -> Result<Counters, TraceError> {
     let mut list = VecDeque::<u32>::new();
-    let mut sum = Totals::default();
+    let mut sum = Counters::default();
     for tile in &trace.tiles {
         for part in tile.parts.clone() {
-            let mut totals = Totals::default();
+            let mut totals = Counters::default();
             reads::for_each(&trace.parts[part as usize], lines, |first, count| {
                 let before = totals.line_misses;
                 for line in first..first + count {

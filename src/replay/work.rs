@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::contention::{Burst, Cycle, Transaction, Workload};
-use super::count::{Replayer, Sum, Totals};
+use super::count::{Counters, Replayer, Sum};
 use super::subject::Subject;
 use super::{Lines, Tally, TraceError};
 use crate::ids::{NodeId, TileId};
@@ -93,8 +93,8 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
     }
 
     /// What all nodes counted in accepted tiles.
-    pub fn totals(self) -> Totals {
-        let mut totals = Totals::default();
+    pub fn totals(self) -> Counters {
+        let mut totals = Counters::default();
         self.nodes.into_iter().for_each(|node| totals.add(&node.tally.sum.finish()));
         totals
     }

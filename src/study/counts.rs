@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::replay::count::Totals;
+use crate::replay::count::Counters;
 
 /// Of all nodes together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -19,7 +19,7 @@ pub struct Counts {
 
 impl Counts {
     /// `words_read` are those of all record accesses.
-    pub fn new(totals: &Totals, words_read: u64, line_bytes: u32) -> Self {
+    pub fn new(totals: &Counters, words_read: u64, line_bytes: u32) -> Self {
         Self {
             record_accesses: totals.record_accesses,
             misses: totals.record_misses,
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn ratios_are_those_worked_by_hand() {
         // Lines of 16 bytes: seven missing are 28 words.
-        let totals = Totals { record_accesses: 100, record_misses: 5, line_accesses: 140, line_misses: 7 };
+        let totals = Counters { record_accesses: 100, record_misses: 5, line_accesses: 140, line_misses: 7 };
         let counts = Counts::new(&totals, 400, 16);
         assert_eq!((counts.words_moved, counts.bus_bytes()), (28, 112));
         assert_eq!(Ratio::ALL.map(|ratio| ratio.of(&counts)), [0.05, 0.05, 0.07, 0.0125]);

@@ -7,7 +7,7 @@ use super::counts::{Counts, Ratio, ratio};
 use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
-use crate::replay::count::Totals;
+use crate::replay::count::Counters;
 use crate::replay::curve::LruCurve;
 use crate::replay::schedule::Schedule;
 use crate::replay::subject::Subject;
@@ -147,7 +147,7 @@ fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoin
 }
 
 impl Size {
-    fn new<T>(traced: &Traced<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Totals) -> Self {
+    fn new<T>(traced: &Traced<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Counters) -> Self {
         let mut counts = Counts::new(totals, traced.reads.words_read(), geometry.line_bytes);
         let mut bus_bytes = counts.bus_bytes();
         if size == MemorySize::All {

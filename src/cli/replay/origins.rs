@@ -11,7 +11,7 @@ use crate::cli::{Failure, print};
 use crate::database::Section;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
-use crate::replay::count::Totals;
+use crate::replay::count::Counters;
 use crate::replay::evaluation::schedule;
 use crate::replay::heat_map::{self, Scale};
 use crate::replay::node::replay_node;
@@ -67,7 +67,7 @@ pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format:
     let origins = counted(recording, one(settings)?)?;
     let all: u64 = origins.kinds.iter().map(|kind| kind.record_misses).sum();
     let mut rows = Vec::new();
-    let mut add = |by: &'static str, name: String, totals: &Totals| {
+    let mut add = |by: &'static str, name: String, totals: &Counters| {
         let share = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
         if totals.record_accesses > 0 {
             rows.push(Row {

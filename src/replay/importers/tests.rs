@@ -8,7 +8,7 @@ use crate::machine::local_memory::Geometry;
 use crate::machine::references::PART_WORDS;
 use crate::machine::replacement::{Clock, Lru};
 use crate::replay::captured::tests::teapot;
-use crate::replay::count::{Replayer, Sum, Totals};
+use crate::replay::count::{Counters, Replayer, Sum};
 use crate::replay::exporters::{self, accesses::Surroundings};
 use crate::replay::{Lines, RecordLines, Trace};
 use crate::scene::SourceError;
@@ -19,7 +19,7 @@ fn totals<R: crate::machine::replacement::Replacement>(
     lines: &impl Lines,
     sets: u32,
     ways: u32,
-) -> Totals {
+) -> Counters {
     let geometry = Geometry { line_bytes: 64, image_lines: lines.count(), sets, ways };
     let mut replayer = Replayer::<R, _>::new(lines, geometry, 0);
     let mut sum = Sum::new(trace);
