@@ -1,7 +1,9 @@
 //! How far a long work is, on standard error: a bar on a terminal, a line every other second elsewhere.
 
 use std::io::{IsTerminal, Write, stderr};
-use std::time::Duration;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -93,6 +95,52 @@ impl Steps {
             // Nobody is left to be told that standard error is closed.
             None if !self.quiet => drop(writeln!(stderr(), "{what}")),
             None => {}
+        }
+    }
+
+    /// Leaves a terminal as if there had been no bar.
+    pub fn clear(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Parts of a work that several threads do.
+pub struct Parts {
+    what: &'static str,
+    bar: Option<ProgressBar>,
+    start: Instant,
+    done: AtomicUsize,
+    /// When the next line is due, where standard error is no terminal.
+    next: Mutex<Duration>,
+}
+
+impl Parts {
+    /// `what` parts are, as in `12/80 settings`.
+    pub fn new(what: &'static str) -> Self {
+        let bar = stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:32} {pos}/{len} {msg}, {eta} left");
+            let bar = ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.with_message(what)
+        });
+        Self { what, bar, start: Instant::now(), done: AtomicUsize::new(0), next: Mutex::new(LINE_PERIOD) }
+    }
+
+    /// One more of `all` is done.
+    pub fn done(&self, all: usize) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(bar) = &self.bar {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        } else if let Ok(mut next) = self.next.try_lock()
+            && self.start.elapsed() >= *next
+        {
+            let seconds = self.start.elapsed().as_secs_f64();
+            let left = seconds * all.saturating_sub(done) as f64 / done as f64;
+            *next = self.start.elapsed() + LINE_PERIOD;
+            // Nobody is left to be told that standard error is closed.
+            let _ = writeln!(stderr(), "{done}/{all} {}, {left:.0} s left", self.what);
         }
     }
 

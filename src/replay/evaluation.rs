@@ -7,7 +7,7 @@ use super::curve::{LruCurve, curve};
 use super::miss_classes::{MissClasses, classify};
 use super::node::replay_node;
 use super::optimal::optimal;
-use super::schedule::Schedule;
+use super::schedule::{Schedule, Schedules};
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
 use super::timing::{Timing, simulate_setting};
@@ -100,33 +100,30 @@ pub fn evaluate<S: Subject>(
     }
     let words_read = words_read(subject)?;
     let is_whole = subject.ordered(TileOrder::Scanline).iter().all(Option::is_some);
-    let schedules: Vec<_> = settings.iter().map(|setting| schedule(subject, setting)).collect();
+    let schedules = Schedules::new(subject, settings);
     let mut jobs = Vec::new();
     for (i, setting) in settings.iter().enumerate() {
         if is_timed(setting, evaluation) {
             jobs.push(Job::Time(i));
         } else {
-            jobs.extend((0..schedules[i].nodes.len()).map(|node| Job::Count(i, node)));
+            jobs.extend((0..schedules.of(i).nodes.len()).map(|node| Job::Count(i, node)));
         }
     }
-    let done =
-        parallel::map(&jobs, |&job| {
-            let done =
-                match job {
-                    Job::Count(i, node) => {
-                        let processes = &schedules[i].nodes[node];
-                        count(subject, processes, settings[i].replacement, geometries[i]).map(|totals| Done {
-                            setting: i,
-                            totals,
-                            timing: None,
-                        })
-                    }
-                    Job::Time(i) => simulate_setting(subject, &settings[i], geometries[i])
-                        .map(|(timing, totals)| Done { setting: i, totals, timing: Some(timing) }),
-                };
-            tick(jobs.len());
-            done
-        });
+    let done = parallel::map(&jobs, |&job| {
+        let done = match job {
+            Job::Count(i, node) => {
+                let processes = &schedules.of(i).nodes[node];
+                let totals = count(subject, processes, settings[i].replacement, geometries[i]);
+                totals.map(|totals| Done { setting: i, totals, timing: None })
+            }
+            Job::Time(i) => {
+                let timed = simulate_setting(subject, &settings[i], geometries[i]);
+                timed.map(|(timing, totals)| Done { setting: i, totals, timing: Some(timing) })
+            }
+        };
+        tick(jobs.len());
+        done
+    });
     let mut sums = vec![(Counters::default(), None); settings.len()];
     for done in done {
         let Done { setting, totals, timing } = done?;
@@ -147,24 +144,22 @@ pub fn evaluate<S: Subject>(
 /// Divides the misses of rows whose assignment is known beforehand, with one curve for all of the same references.
 fn divide_misses<S: Subject>(
     subject: &S,
-    schedules: &[Schedule],
+    schedules: &Schedules,
     geometries: &[Geometry],
     rows: &mut [Row],
 ) -> Result<(), TraceError> {
-    let known: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].setting.assignment != Assignment::OnDemand).collect();
-    let mut jobs: Vec<usize> = Vec::new();
-    for &i in &known {
-        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
-        if !jobs.iter().any(is_same) {
-            jobs.push(i);
+    let references = |i: usize, row: &Row| (schedules.index(i), row.setting.line);
+    let known = |(_, row): &(usize, &mut Row)| row.setting.assignment != Assignment::OnDemand;
+    let mut jobs: Vec<(usize, u32)> = Vec::new();
+    for (i, row) in rows.iter_mut().enumerate().filter(known) {
+        if !jobs.contains(&references(i, row)) {
+            jobs.push(references(i, row));
         }
     }
-    let curves = parallel::map(&jobs, |&i| cluster_curve(subject, &schedules[i], rows[i].setting.line));
+    let curves = parallel::map(&jobs, |&(schedule, line)| cluster_curve(subject, &schedules.distinct[schedule], line));
     let curves = curves.into_iter().collect::<Result<Vec<_>, _>>()?;
-    for i in known {
-        let is_same = |&j: &usize| rows[j].setting.line == rows[i].setting.line && schedules[j] == schedules[i];
-        let Some(job) = jobs.iter().position(is_same) else { continue };
-        let row = &mut rows[i];
+    for (i, row) in rows.iter_mut().enumerate().filter(known) {
+        let Some(job) = jobs.iter().position(|job| *job == references(i, row)) else { continue };
         let actual = Counters {
             record_accesses: row.record_accesses,
             record_misses: row.misses,
@@ -232,16 +227,6 @@ impl Row {
             wait_percentile_99: timing.map(|timing| timing.wait_percentile_99),
             exact: reason.is_none(),
             reason,
-        }
-    }
-}
-
-/// Who traces what.
-pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> Schedule {
-    match setting.assignment {
-        Assignment::Recorded => Schedule::recorded(subject, setting.nodes),
-        Assignment::Interleaved | Assignment::OnDemand => {
-            Schedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
         }
     }
 }

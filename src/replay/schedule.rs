@@ -1,6 +1,8 @@
 //! Which simulated node traces which tiles, in which order.
 
 use super::Trace;
+use super::setting::{Assignment, Setting};
+use super::subject::Subject;
 use crate::ids::NodeId;
 
 /// By node, its processes one after the other, each with an empty memory at its beginning: the tiles that it traces,
@@ -40,6 +42,49 @@ impl Schedule {
     /// The nodes and what each traces.
     pub fn nodes(&self) -> impl Iterator<Item = (NodeId, &[Vec<u32>])> {
         (0..).map(NodeId).zip(self.nodes.iter().map(Vec::as_slice))
+    }
+}
+
+/// Who traces what under a setting; of on-demand assignment what interleaved ones would.
+pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> Schedule {
+    match setting.assignment {
+        Assignment::Recorded => Schedule::recorded(subject, setting.nodes),
+        Assignment::Interleaved | Assignment::OnDemand => {
+            Schedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
+        }
+    }
+}
+
+/// The schedules of settings; those that are the same are there once.
+pub struct Schedules {
+    pub distinct: Vec<Schedule>,
+    /// By setting.
+    index: Vec<usize>,
+}
+
+impl Schedules {
+    pub fn new<S: Subject>(subject: &S, settings: &[Setting]) -> Self {
+        let (mut keys, mut distinct, mut index) = (Vec::new(), Vec::new(), Vec::new());
+        for setting in settings {
+            let key = (setting.assignment, setting.nodes, setting.clusters, setting.tile_order);
+            let place = keys.iter().position(|known| *known == key).unwrap_or(keys.len());
+            if place == keys.len() {
+                keys.push(key);
+                distinct.push(schedule(subject, setting));
+            }
+            index.push(place);
+        }
+        Self { distinct, index }
+    }
+
+    /// Of the i-th setting, its place among the distinct ones.
+    pub fn index(&self, setting: usize) -> usize {
+        self.index[setting]
+    }
+
+    /// Of the i-th setting.
+    pub fn of(&self, setting: usize) -> &Schedule {
+        &self.distinct[self.index[setting]]
     }
 }
 

@@ -3,11 +3,13 @@
 use super::contention::ReadCycles;
 use super::importers::{Imported, TableLines};
 use super::{Lines, RecordLines, Trace};
-use crate::database::Section;
+use crate::database::{Layout, Section};
 use crate::ids::TileId;
+use crate::machine::references::RecordNumbers;
 use crate::recording::references::Recording;
 use crate::tile_order;
 use crate::topology::{Bus, Processor, TileOrder};
+use crate::tracer::Tiling;
 
 /// A trace, and what simulations must know besides.
 pub trait Subject: Trace {
@@ -41,20 +43,59 @@ pub trait Subject: Trace {
     fn bus(&self) -> Bus;
 }
 
-impl Subject for Recording {
+/// A trace of the records of a database, and the machine that it is of.
+pub trait DatabaseTrace: Trace {
+    fn layout(&self) -> &Layout;
+    fn numbers(&self) -> &RecordNumbers;
+    fn tiling(&self) -> Tiling;
+    /// Of random replacement and random order.
+    fn run_seed(&self) -> u64;
+    fn processor(&self) -> Processor;
+    fn cluster_bus(&self) -> Bus;
+}
+
+impl DatabaseTrace for Recording {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    #[inline(always)]
+    fn numbers(&self) -> &RecordNumbers {
+        &self.numbers
+    }
+
+    fn tiling(&self) -> Tiling {
+        self.tiling
+    }
+
+    fn run_seed(&self) -> u64 {
+        self.topology.run.seed
+    }
+
+    fn processor(&self) -> Processor {
+        self.topology.cluster.processor
+    }
+
+    fn cluster_bus(&self) -> Bus {
+        self.topology.cluster.bus
+    }
+}
+
+/// Kinds are sections.
+impl<T: DatabaseTrace> Subject for T {
     type Lines = RecordLines;
 
     fn lines(&self, line_bytes: u32) -> RecordLines {
-        RecordLines::new(&self.layout, line_bytes)
+        RecordLines::new(self.layout(), line_bytes)
     }
 
     fn image_bytes(&self) -> u64 {
-        self.layout.image_bytes()
+        self.layout().image_bytes()
     }
 
     #[inline(always)]
     fn kind(&self, record: u32) -> usize {
-        self.numbers.place(record).0 as usize
+        self.numbers().place(record).0 as usize
     }
 
     fn record_words(&self) -> Vec<u32> {
@@ -62,30 +103,30 @@ impl Subject for Recording {
     }
 
     fn read_cycles(&self) -> Vec<u32> {
-        let cycles = ReadCycles::new(&self.topology.cluster.processor);
+        let cycles = ReadCycles::new(&self.processor());
         Section::ALL.map(|section| cycles.of(section)).to_vec()
     }
 
     fn pixels(&self, tile: u32) -> u32 {
-        let rect = self.tiling.rect(self.tiles()[tile as usize].tile);
+        let rect = self.tiling().rect(self.tiles()[tile as usize].tile);
         rect.map_or(0, |rect| rect.width * rect.height)
     }
 
     fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
-        let mut places = vec![None; self.tiling.tile_count() as usize];
+        let mut places = vec![None; self.tiling().tile_count() as usize];
         for (i, tile) in (0..).zip(self.tiles()).filter(|(_, tile)| tile.accepted) {
             places[tile.tile.0 as usize] = Some(i);
         }
-        let order = tile_order::tiles(order, self.tiling, self.topology.run.seed);
+        let order = tile_order::tiles(order, self.tiling(), self.run_seed());
         order.into_iter().map(|TileId(tile)| places[tile as usize]).collect()
     }
 
     fn seed(&self) -> u64 {
-        self.topology.run.seed
+        self.run_seed()
     }
 
     fn bus(&self) -> Bus {
-        self.topology.cluster.bus
+        self.cluster_bus()
     }
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::TraceError;
 use super::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
 use super::count::Counters;
-use super::evaluation::schedule;
+use super::schedule::schedule;
 use super::setting::{Assignment, Policy, Setting};
 use super::subject::Subject;
 use super::work::{RecordedWork, Step, Tiles};

@@ -3,20 +3,17 @@
 use std::io;
 
 use super::kept::Kept;
-use crate::database::{Layout, Section};
-use crate::ids::TileId;
+use crate::database::Layout;
 use crate::machine::references::{Event, RecordNumbers, Word};
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
 use crate::recording::references::octree_levels;
-use crate::replay::contention::ReadCycles;
 use crate::replay::curve::{self, LruCurve};
 use crate::replay::detail::{Classes, Detail};
 use crate::replay::schedule::Schedule;
-use crate::replay::subject::Subject;
+use crate::replay::subject::DatabaseTrace;
 use crate::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
-use crate::tile_order;
-use crate::topology::{Bus, Octree, Processor, TileOrder};
+use crate::topology::{Bus, Octree, Processor};
 use crate::tracer::{RayKind, Tiling};
 
 /// References, and the database that they are of.
@@ -101,49 +98,29 @@ impl<T: Trace> Trace for Traced<T> {
     }
 }
 
-impl<T: Trace> Subject for Traced<T> {
-    type Lines = RecordLines;
-
-    fn lines(&self, line_bytes: u32) -> RecordLines {
-        RecordLines::new(&self.layout, line_bytes)
-    }
-
-    fn image_bytes(&self) -> u64 {
-        self.layout.image_bytes()
+impl<T: Trace> DatabaseTrace for Traced<T> {
+    fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     #[inline(always)]
-    fn kind(&self, record: u32) -> usize {
-        self.numbers.place(record).0 as usize
+    fn numbers(&self) -> &RecordNumbers {
+        &self.numbers
     }
 
-    fn record_words(&self) -> Vec<u32> {
-        Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
+    fn tiling(&self) -> Tiling {
+        self.tiling
     }
 
-    fn read_cycles(&self) -> Vec<u32> {
-        let cycles = ReadCycles::new(&self.processor);
-        Section::ALL.map(|section| cycles.of(section)).to_vec()
-    }
-
-    fn pixels(&self, tile: u32) -> u32 {
-        self.tiling.rect(self.trace.tiles()[tile as usize].tile).map_or(0, |rect| rect.width * rect.height)
-    }
-
-    fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
-        let mut places = vec![None; self.tiling.tile_count() as usize];
-        for (i, tile) in (0..).zip(self.trace.tiles()).filter(|(_, tile)| tile.accepted) {
-            places[tile.tile.0 as usize] = Some(i);
-        }
-        let order = tile_order::tiles(order, self.tiling, self.seed);
-        order.into_iter().map(|TileId(tile)| places[tile as usize]).collect()
-    }
-
-    fn seed(&self) -> u64 {
+    fn run_seed(&self) -> u64 {
         self.seed
     }
 
-    fn bus(&self) -> Bus {
+    fn processor(&self) -> Processor {
+        self.processor
+    }
+
+    fn cluster_bus(&self) -> Bus {
         self.bus
     }
 }
@@ -188,10 +165,13 @@ fn reads(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::database::Section;
     use crate::machine::stats::{CLASSES, Counters, octree_class};
     use crate::replay::evaluation::{Evaluation, evaluate};
+    use crate::replay::subject::Subject;
     use crate::study::{levels, sample};
     use crate::topology::MemorySize;
+    use crate::topology::TileOrder;
 
     #[test]
     fn what_was_read_is_what_the_tracer_counted() {

@@ -2,6 +2,7 @@
 
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, json, print};
+use crate::progress::Parts;
 use crate::replay::contention_table::contention_table;
 use crate::replay::setting::Setting;
 use crate::replay::subject::Subject;
@@ -21,8 +22,10 @@ pub(super) fn print_contention<S: Subject>(
     }
     let nodes: Vec<u16> =
         if are_nodes_given { settings.iter().map(|setting| setting.nodes).collect() } else { NODES.to_vec() };
-    let table =
-        contention_table(subject, *first, &nodes, |_| {}).map_err(|error| Failure::bad_input(error.to_string()))?;
+    let parts = Parts::new("numbers of nodes");
+    let table = contention_table(subject, *first, &nodes, |all| parts.done(all))
+        .map_err(|error| Failure::bad_input(error.to_string()))?;
+    parts.clear();
     if format == Format::Json {
         return print(&json(&table)?);
     }

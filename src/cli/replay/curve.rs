@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use crate::replay::curve::{LruCurve, curve};
-use crate::replay::evaluation::schedule;
+use crate::replay::schedule::schedule;
 use crate::replay::setting::{Assignment, Setting};
 use crate::replay::subject::Subject;
 use crate::replay::verify::verify;

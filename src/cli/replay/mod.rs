@@ -16,6 +16,7 @@ use self::to_bus::ToBus;
 use super::grid_options::{GridOptions, SETTINGS};
 use super::table::{Format, Table};
 use super::{Failure, print};
+use crate::progress::Parts;
 use crate::recording::references::{Opened, Recording};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::importers::{self, Imported};
@@ -151,7 +152,9 @@ impl ReplayArguments {
             return contention::print_contention(subject, settings, self.grid.has_nodes(), self.format);
         }
         let evaluation = Evaluation { timings: timings || self.grid.varies_bus(), classes, damage };
-        let rows = evaluate(subject, settings, &evaluation, |_| {});
+        let parts = Parts::new("nodes");
+        let rows = evaluate(subject, settings, &evaluation, |all| parts.done(all));
+        parts.clear();
         print_rows(&rows.map_err(|error| Failure::bad_input(error.to_string()))?, self.format)
     }
 }

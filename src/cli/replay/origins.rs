@@ -12,10 +12,10 @@ use crate::database::Section;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
 use crate::replay::count::Counters;
-use crate::replay::evaluation::schedule;
 use crate::replay::heat_map::{self, Scale};
 use crate::replay::node::replay_node;
 use crate::replay::origins::{Origins, OriginsTally};
+use crate::replay::schedule::schedule;
 use crate::replay::setting::{Assignment, Setting};
 use crate::tracer::RayKind;
 
