@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::cli::grid_options::SETTINGS;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use crate::replay::curve::{LruCurve, curve};
@@ -10,6 +11,7 @@ use crate::replay::setting::{Assignment, Setting};
 use crate::replay::subject::Subject;
 use crate::replay::verify::verify;
 use crate::replay::{Lines, parallel};
+use crate::topology::TileOrder;
 
 /// Records of which a list is the brute force.
 const LIST_RECORDS: u64 = 50_000;
@@ -20,6 +22,9 @@ struct Row {
     /// Bytes.
     line: u32,
     nodes: u16,
+    clusters: u16,
+    tile_order: TileOrder,
+    assignment: Assignment,
     /// `None`: all nodes together.
     node: Option<u32>,
     /// Of a node's memory.
@@ -54,7 +59,7 @@ pub(super) fn print_curves<S: Subject>(
         }
     }
     rows.iter_mut().for_each(|row| row.exact = !is_damaged);
-    print(&Table::new(&rows)?.print(format, &["line", "nodes"]))
+    print(&Table::new(&rows)?.print(format, &SETTINGS))
 }
 
 fn curves_of<S: Subject>(
@@ -87,6 +92,9 @@ fn curves_of<S: Subject>(
             rows.push(Row {
                 line: setting.line,
                 nodes: setting.nodes,
+                clusters: setting.clusters,
+                tile_order: setting.tile_order,
+                assignment: setting.assignment,
                 node,
                 lines,
                 local_bytes: u64::from(lines) * u64::from(setting.line),
