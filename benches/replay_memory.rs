@@ -41,8 +41,8 @@ fn main() {
         let grid = Grid { replacement: vec![policy], ..Grid::default() };
         let settings = grid.settings(Setting::recorded(&recording.topology)).expect("one");
         let rows = evaluate(&recording, &settings, &Evaluation::default(), |_| {}).expect("sound");
-        assert_eq!(rows[0].record_accesses, recording.references);
-        told(&format!("{policy:?}: {} misses", rows[0].misses), start);
+        assert_eq!(rows[0].counts.record_accesses, recording.references);
+        told(&format!("{policy:?}: {} misses", rows[0].counts.misses), start);
     }
     let start = Instant::now();
     let tiles: Vec<u32> = (0..recording.tiles().len() as u32).collect();

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::count::{Counters, Sum};
+use super::counts::{Counts, ratio};
 use super::curve::{LruCurve, curve};
 use super::miss_classes::{MissClasses, classify};
 use super::node::replay_node;
@@ -23,14 +24,8 @@ pub struct Row {
     pub setting: Setting,
     /// Of one node's local memory.
     pub local_bytes: u64,
-    pub record_accesses: u64,
-    /// Records with at least one line missing: fetches.
-    pub misses: u64,
-    pub line_accesses: u64,
-    pub line_misses: u64,
-    /// 32-bit words.
-    pub words_read: u64,
-    pub words_moved: u64,
+    #[serde(flatten)]
+    pub counts: Counts,
     pub misses_per_record_access: f64,
     pub words_moved_per_word_read: f64,
     /// The misses, divided; `None` where that was not asked for, or the assignment is not known beforehand.
@@ -160,14 +155,8 @@ fn divide_misses<S: Subject>(
     let curves = curves.into_iter().collect::<Result<Vec<_>, _>>()?;
     for (i, row) in rows.iter_mut().enumerate().filter(known) {
         let Some(job) = jobs.iter().position(|job| *job == references(i, row)) else { continue };
-        let actual = Counters {
-            record_accesses: row.record_accesses,
-            record_misses: row.misses,
-            line_accesses: row.line_accesses,
-            line_misses: row.line_misses,
-        };
         let MissClasses { compulsory, capacity, conflict } =
-            classify(&actual, &curves[job], geometries[i].lines()).records;
+            classify(&row.counts.counters(), &curves[job], geometries[i].lines()).records;
         (row.compulsory_misses, row.capacity_misses) = (Some(compulsory), Some(capacity));
         row.conflict_misses = Some(conflict);
     }
@@ -199,8 +188,7 @@ impl Row {
         is_whole: bool,
         evaluation: &Evaluation,
     ) -> Self {
-        let words_moved = totals.line_misses * u64::from(geometry.line_bytes) / 4;
-        let ratio = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
+        let counts = Counts::new(&totals, words_read, geometry.line_bytes);
         let reason = evaluation.damage.clone().or_else(|| match setting.assignment {
             Assignment::Recorded => None,
             Assignment::OnDemand => Some(ON_DEMAND.to_owned()),
@@ -209,14 +197,9 @@ impl Row {
         Self {
             setting,
             local_bytes: geometry.local_bytes(),
-            record_accesses: totals.record_accesses,
-            misses: totals.record_misses,
-            line_accesses: totals.line_accesses,
-            line_misses: totals.line_misses,
-            words_read,
-            words_moved,
-            misses_per_record_access: ratio(totals.record_misses, totals.record_accesses),
-            words_moved_per_word_read: ratio(words_moved, words_read),
+            counts,
+            misses_per_record_access: ratio(counts.misses, counts.record_accesses),
+            words_moved_per_word_read: ratio(counts.words_moved, words_read),
             compulsory_misses: None,
             capacity_misses: None,
             conflict_misses: None,

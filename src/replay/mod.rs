@@ -6,6 +6,7 @@ pub mod captured;
 pub mod contention;
 pub mod contention_table;
 pub mod count;
+pub mod counts;
 pub mod curve;
 pub mod detail;
 pub mod evaluation;

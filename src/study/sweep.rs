@@ -250,7 +250,7 @@ mod tests {
             let of = |t: &&Traffic| (t.conditions.line_bytes, t.nodes) == (row.setting.line, row.setting.nodes);
             let traffic = sweep.traffic.iter().find(of).expect("a curve");
             let size = traffic.size(row.setting.local_memory).expect("a size");
-            assert_eq!((row.misses, row.words_moved, row.words_read), {
+            assert_eq!((row.counts.misses, row.counts.words_moved, row.counts.words_read), {
                 (size.counts.misses, size.counts.words_moved, size.counts.words_read)
             });
             assert!(row.exact && row.efficiency.is_some());

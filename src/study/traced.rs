@@ -193,11 +193,14 @@ mod tests {
             let local_memory = MemorySize::Share { numerator: 1, denominator: 1 };
             let setting = crate::replay::setting::Setting { local_memory, ..sample::setting(nodes) };
             let rows = evaluate(&traced, &[setting], &Evaluation::default(), |_| {}).expect("in memory");
-            assert_eq!(rows[0].words_read, traced.reads.words_read());
+            assert_eq!(rows[0].counts.words_read, traced.reads.words_read());
             let schedule = Schedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));
             let curve = traced.curve(&schedule, setting.line).expect("in memory");
-            assert_eq!(curve.at((rows[0].local_bytes / u64::from(setting.line)) as u32).record_misses, rows[0].misses);
-            rows[0].line_misses
+            assert_eq!(
+                curve.at((rows[0].local_bytes / u64::from(setting.line)) as u32).record_misses,
+                rows[0].counts.misses
+            );
+            rows[0].counts.line_misses
         };
         let (one, three) = (misses(1), misses(3));
         assert!(one <= traced.layout.image_bytes() / u64::from(sample::setting(1).line), "{one}");

@@ -3,11 +3,12 @@
 use serde::{Serialize, Serializer};
 
 use super::conditions::Conditions;
-use super::counts::{Counts, Ratio, ratio};
+use super::counts::Ratio;
 use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::count::Counters;
+use crate::replay::counts::{Counts, ratio};
 use crate::replay::curve::LruCurve;
 use crate::replay::schedule::Schedule;
 use crate::replay::subject::Subject;

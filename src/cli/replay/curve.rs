@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::cli::grid_options::SETTINGS;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
+use crate::replay::counts::ratio;
 use crate::replay::curve::{LruCurve, curve};
 use crate::replay::schedule::schedule;
 use crate::replay::setting::{Assignment, Setting};
@@ -102,7 +103,7 @@ fn curves_of<S: Subject>(
                 misses: counts.record_misses,
                 line_misses: counts.line_misses,
                 words_moved: counts.line_misses * u64::from(setting.line) / 4,
-                misses_per_record_access: counts.record_misses as f64 / counts.record_accesses.max(1) as f64,
+                misses_per_record_access: ratio(counts.record_misses, counts.record_accesses),
                 exact: true,
             });
         }

@@ -94,11 +94,12 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     let settings = arguments.settings(Setting::recorded(&recording.topology))?;
     let (question, format) = (&arguments.question, arguments.format);
     match (question.origins, question.heat_map, question.export, &arguments.output) {
-        (true, ..) => origins::print_origins(&recording, &settings, format),
-        (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, what, out),
-        (.., Some(export), Some(out)) => export::export(&recording, &settings, export, question.node, out),
-        _ => arguments.print(&recording, &settings, damage),
+        (true, ..) => origins::print_origins(&recording, &settings, format)?,
+        (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, what, out)?,
+        (.., Some(export), Some(out)) => export::export(&recording, &settings, export, question.node, out)?,
+        _ => return arguments.print(&recording, &settings, damage),
     }
+    print_approximate(damage.as_deref(), format)
 }
 
 /// What a trace without tiles and rays can answer.
@@ -149,7 +150,8 @@ impl ReplayArguments {
             return curve::print_curves(subject, settings, self.format, verify, damage.is_some());
         }
         if contention {
-            return contention::print_contention(subject, settings, self.grid.has_nodes(), self.format);
+            contention::print_contention(subject, settings, self.grid.has_nodes(), self.format)?;
+            return print_approximate(damage.as_deref(), self.format);
         }
         let evaluation = Evaluation { timings: timings || self.grid.varies_bus(), classes, damage };
         let parts = Parts::new("nodes");
@@ -164,10 +166,15 @@ fn print_rows(rows: &[Row], format: Format) -> Result<(), Failure> {
     reasons.sort_unstable();
     reasons.dedup();
     print(&Table::new(rows)?.print(format, &SETTINGS))?;
-    if format == Format::Text {
-        reasons.iter().try_for_each(|reason| print(&format!("\napproximate: {reason}\n")))?;
+    reasons.into_iter().try_for_each(|reason| print_approximate(Some(reason), format))
+}
+
+/// Below what is printed for people; for programs it is a column, or a warning on standard error.
+fn print_approximate(reason: Option<&str>, format: Format) -> Result<(), Failure> {
+    match (reason, format) {
+        (Some(reason), Format::Text) => print(&format!("\napproximate: {reason}\n")),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Why nothing that comes of a damaged recording is exact.

@@ -12,6 +12,7 @@ use crate::database::Section;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
 use crate::replay::count::Counters;
+use crate::replay::counts::ratio;
 use crate::replay::heat_map::{self, Scale};
 use crate::replay::node::replay_node;
 use crate::replay::origins::{Origins, OriginsTally};
@@ -68,15 +69,14 @@ pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format:
     let all: u64 = origins.kinds.iter().map(|kind| kind.record_misses).sum();
     let mut rows = Vec::new();
     let mut add = |by: &'static str, name: String, totals: &Counters| {
-        let share = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
         if totals.record_accesses > 0 {
             rows.push(Row {
                 by,
                 name,
                 record_accesses: totals.record_accesses,
                 misses: totals.record_misses,
-                share_of_misses: share(totals.record_misses, all),
-                misses_per_record_access: share(totals.record_misses, totals.record_accesses),
+                share_of_misses: ratio(totals.record_misses, all),
+                misses_per_record_access: ratio(totals.record_misses, totals.record_accesses),
                 line_misses: totals.line_misses,
             });
         }

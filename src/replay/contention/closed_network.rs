@@ -68,13 +68,6 @@ impl ClosedNetwork {
         (self.think_cycles() + self.service_cycles) / self.service_cycles
     }
 
-    /// Between what so many transactions a cycle must lie, however think and service times are spread: the least is
-    /// when each node always finds all others before it, the most when none ever waits or the bus is always held.
-    pub fn throughput_bounds(&self, nodes: u16) -> (f64, f64) {
-        let (n, think, service) = (f64::from(nodes), self.think_cycles(), self.service_cycles);
-        (n / (think + n * service), (n / (think + service)).min(1.0 / service))
-    }
-
     /// For 1 to `nodes_max` nodes by exact mean value analysis: think times of any kind, service times exponential, first
     /// come first served.
     ///

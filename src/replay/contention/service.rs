@@ -46,9 +46,4 @@ impl Service {
     pub fn unloaded_cycles(&self, bytes: u32) -> Cycle {
         self.address_cycles() + self.latency + self.data_cycles(bytes)
     }
-
-    /// In which nobody else can use the bus.
-    pub fn held_cycles(&self, bytes: u32) -> Cycle {
-        self.unloaded_cycles(bytes) - if self.is_split() { self.latency } else { 0 }
-    }
 }

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
+use crate::replay::counts::ratio;
 use crate::study::conditions::Conditions;
-use crate::study::counts::{Ratio, ratio};
+use crate::study::counts::Ratio;
 use crate::study::published;
 use crate::study::traffic::Traffic;
 
