@@ -149,7 +149,7 @@ mod tests {
     use std::time::Instant;
 
     use super::*;
-    use crate::ids::Epoch;
+    use crate::ids::{ClusterId, Epoch};
     use crate::protocol::connection::Listener;
     use crate::protocol::control::{BusCommand, BusReport};
     use crate::protocol::hello::RunToken;
@@ -161,7 +161,7 @@ mod tests {
         let token = RunToken::new([1; 32]);
         let mut manager = Listener::bind(Ipv4Addr::LOCALHOST.into(), token, |_, _| Ok(())).await.expect("loopback");
         let bootstrap = Bootstrap {
-            role: Role::Bus,
+            role: Role::Bus(ClusterId(0)),
             epoch: Epoch(0),
             token,
             manager: manager.address(),

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::ids::{Address, Epoch};
+use crate::ids::{Address, ClusterId, Epoch};
 use crate::protocol::connection::{Receiver, Sender, connect};
 use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
@@ -19,9 +19,14 @@ pub(super) struct Loader {
 impl Loader {
     /// # Errors
     /// The bus does not answer in time, or refuses this process.
-    pub(super) async fn connect(bus: SocketAddr, token: RunToken, deadline: Duration) -> Result<Self, String> {
+    pub(super) async fn connect(
+        cluster: ClusterId,
+        bus: SocketAddr,
+        token: RunToken,
+        deadline: Duration,
+    ) -> Result<Self, String> {
         let hello = Hello::new(Role::Manager, Epoch(0), token);
-        let connection = connect(Role::Bus, bus, &hello, deadline).await.map_err(|error| error.to_string())?;
+        let connection = connect(Role::Bus(cluster), bus, &hello, deadline).await.map_err(|error| error.to_string())?;
         let (sender, receiver) = connection.split();
         Ok(Self { sender, receiver, deadline })
     }

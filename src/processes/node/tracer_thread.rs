@@ -57,7 +57,7 @@ fn trace_all(
     jobs: &channel::Receiver<Job>,
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
-    let bus = BusLines::connect(configuration.bus, hello)?;
+    let bus = BusLines::connect(configuration.cluster, configuration.bus, hello)?;
     let Role::Node(node) = hello.role else { return Err("this process is no node".into()) };
     tile_memory::with(configuration, (node, hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));

@@ -10,7 +10,7 @@ use crossbeam_channel::Receiver;
 use nix::sys::prctl::set_timerslack;
 
 use super::latency::Latencies;
-use crate::ids::Epoch;
+use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::{Kind, Transaction};
 use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault};
 use crate::protocol::hello::{Hello, Role, RunToken};
@@ -84,7 +84,7 @@ impl Voice {
     /// The bus does not answer, or refuses this process.
     pub(super) fn connect(bus: SocketAddr, role: Role, token: RunToken) -> Result<Self, ConnectionError> {
         let hello = Hello::new(role, Epoch(0), token);
-        let connection = BlockingConnection::connect(Role::Bus, bus, &hello, DEADLINE)?;
+        let connection = BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &hello, DEADLINE)?;
         Ok(Self { connection, tally: Tally::new() })
     }
 
