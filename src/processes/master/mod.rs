@@ -57,12 +57,12 @@ pub async fn run(child: Child) -> Result<(), MasterError> {
         None => return Err(MasterError::ManagerGone),
     };
     let nodes = configuration.nodes;
-    let listener = Listener::bind(link.interface, child.bootstrap.token, move |role, _| match role {
+    let listener = Listener::bind(link.interface, child.credentials(), move |role, _| match role {
         Role::Node(node) if node.0 < nodes => Ok(()),
         _ => Err(format!("one of {nodes} nodes")),
     })
     .await?;
-    let bus = connect(Role::Bus, configuration.bus, &child.hello(), BUS_DEADLINE).await?;
+    let bus = connect(Role::Bus, configuration.bus, &child.introduction(), BUS_DEADLINE).await?;
     report(&link, MasterReport::Listening(listener.address())).await?;
     let totals = Shell::new(&configuration, bus).serve(&mut link, listener).await?;
     // The connection to the bus is closed: all modelled messages have left before they are asked for.

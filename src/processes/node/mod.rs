@@ -20,9 +20,9 @@ use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
 use crate::ids::NodeId;
-use crate::protocol::connection::{ConnectionError, Receiver, Sender, connect};
+use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -85,7 +85,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
         Some(NodeCommand::Finish) => return Ok(()),
         None => return Err(NodeError::Orphaned),
     };
-    let mut shell = Shell::start(configuration, child.hello(), link.reports.clone()).await?;
+    let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
@@ -119,15 +119,15 @@ struct Shell {
 impl Shell {
     async fn start(
         configuration: NodeConfiguration,
-        hello: Hello,
+        introduction: Introduction,
         reports: mpsc::Sender<NodeReport>,
     ) -> Result<Self, NodeError> {
-        let master = connect(Role::Master, configuration.master, &hello, CONNECT_DEADLINE).await?;
-        let display = connect(Role::Display, configuration.display, &hello, CONNECT_DEADLINE).await?;
+        let master = connect(Role::Master, configuration.master, &introduction, CONNECT_DEADLINE).await?;
+        let display = connect(Role::Display, configuration.display, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
         let (to_display, from_display) = display.split();
         let state = State::new(configuration.tiling);
-        let tracer = Tracer::start(configuration, hello)?;
+        let tracer = Tracer::start(configuration, introduction)?;
         Ok(Self { state, tracer, to_master, from_master, to_display, from_display, reports, late: Instant::now() })
     }
 
