@@ -20,9 +20,9 @@ use self::state::{State, initiator};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
 use crate::ids::{ClusterId, Epoch};
-use crate::protocol::connection::{Arrival, ConnectionError, Listener, WRITE_DEADLINE};
+use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::Role;
 use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 
 /// Incidents on their way from the loop to the manager.
@@ -91,7 +91,7 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
     let epoch = child.bootstrap.epoch;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None)?;
-    let mut listener = listen((link.interface, 0).into(), child.bootstrap.token).await?;
+    let mut listener = listen((link.interface, 0).into(), child.credentials()).await?;
     let mut reports = vec![BusReport::Listening(listener.address())];
     loop {
         for report in reports.drain(..) {
@@ -141,12 +141,12 @@ fn start_loop(
     Ok((handle, ended))
 }
 
-async fn listen(address: SocketAddr, token: RunToken) -> Result<Listener, BusError> {
+async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listener, BusError> {
     let admits = |role, _| match initiator(role) {
         Some(_) => Ok(()),
         None => Err("the manager, the master or a node".to_owned()),
     };
-    Ok(Listener::bind_to(address, token, admits).await?)
+    Ok(Listener::bind_to(address, credentials, admits).await?)
 }
 
 /// Hands a peer to the loop; returns what the manager should know if there is none.

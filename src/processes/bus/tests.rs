@@ -11,7 +11,7 @@ use crate::database::{Layout, Section};
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::connection::{BlockingConnection, Fault};
 use crate::protocol::control::LostAttempt;
-use crate::protocol::hello::Hello;
+use crate::protocol::hello::{Hello, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::topology::Arbiter;
 
@@ -66,8 +66,8 @@ impl TestBus {
     }
 
     fn connect(&self, role: Role, epoch: u32) -> Connection {
-        Connection::connect(Role::Bus(ClusterId(0)), self.address, &Hello::new(role, Epoch(epoch), TOKEN), SOON)
-            .expect("welcome")
+        let introduction = Credentials::plain(TOKEN).introduction(role, Epoch(epoch));
+        Connection::connect(Role::Bus(ClusterId(0)), self.address, &introduction, SOON).expect("welcome")
     }
 
     fn node(&self, node: u16) -> Connection {
@@ -107,7 +107,7 @@ async fn run_until(
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
     let loop_thread = thread::spawn(|| memory_loop.run());
-    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), TOKEN).await.expect("loopback");
+    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), Credentials::plain(TOKEN)).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {
         tokio::select! {

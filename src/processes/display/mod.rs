@@ -61,7 +61,7 @@ async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayE
         None => return Err(DisplayError::ManagerGone),
     };
     let state = State::new(&configuration).map_err(|error| DisplayError::Failed(error.to_string()))?;
-    let listener = Listener::bind(link.interface, child.bootstrap.token, |role, _| match role {
+    let listener = Listener::bind(link.interface, child.credentials(), |role, _| match role {
         Role::Node(_) => Ok(()),
         _ => Err("a node".to_owned()),
     })

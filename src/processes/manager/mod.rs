@@ -38,6 +38,7 @@ use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
+use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
@@ -167,7 +168,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         start,
         executables,
         logs: folder.logs(),
-        token: secret()?,
+        credentials: Credentials::plain(secret()?),
         words: Arc::clone(&database.words),
         quiet: request.quiet,
     };

@@ -19,7 +19,7 @@ use super::{Interrupt, RunError};
 use crate::ids::ClusterId;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
-use crate::protocol::hello::RunToken;
+use crate::protocol::connection::Credentials;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -32,7 +32,7 @@ pub(super) struct Run {
     pub(super) executables: Executables,
     /// The folder of the logs.
     pub(super) logs: PathBuf,
-    pub(super) token: RunToken,
+    pub(super) credentials: Credentials,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
     /// No progress.
@@ -58,7 +58,7 @@ struct Shell {
     events: mpsc::Sender<Event>,
     /// Until it is loaded into the bus.
     words: Option<Arc<Vec<u32>>>,
-    token: RunToken,
+    credentials: Credentials,
     upload_deadline: Duration,
 }
 
@@ -72,7 +72,9 @@ impl Run {
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
-        let port = ControlPort::bind(self.token, sender.clone()).await.map_err(|error| system("free port", error))?;
+        let port = ControlPort::bind(self.credentials.clone(), sender.clone())
+            .await
+            .map_err(|error| system("free port", error))?;
         let mut shell = Shell::new(&self, &plan, port, sender);
         let (mut state, actions) = State::start(plan);
         let mut progress = Progress::new(self.quiet, state.queue.total());
@@ -111,7 +113,7 @@ impl Shell {
         let children = Children {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
-            token: run.token,
+            token: run.credentials.token,
             manager: port.address(),
             heartbeat_deadline: deadlines.heartbeat,
             events: events.clone(),
@@ -123,7 +125,7 @@ impl Shell {
             children,
             events,
             words: Some(Arc::clone(&run.words)),
-            token: run.token,
+            credentials: run.credentials.clone(),
             upload_deadline: deadlines.startup,
         }
     }
@@ -152,9 +154,9 @@ impl Shell {
     fn upload(&mut self, bus: SocketAddr) {
         let Some(words) = self.words.take() else { return };
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let token = self.token;
+        let credentials = self.credentials.clone();
         tokio::spawn(async move {
-            let loaded = upload(bus, token, bytemuck::cast_slice(&words), deadline).await;
+            let loaded = upload(bus, &credentials, bytemuck::cast_slice(&words), deadline).await;
             // An error means that the manager has ended.
             let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
         });
@@ -162,8 +164,8 @@ impl Shell {
 }
 
 /// `deadline` is for each piece.
-async fn upload(bus: SocketAddr, token: RunToken, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(ClusterId(0), bus, token, deadline).await?;
+async fn upload(bus: SocketAddr, credentials: &Credentials, image: &[u8], deadline: Duration) -> Result<(), String> {
+    let mut loader = Loader::connect(ClusterId(0), bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())

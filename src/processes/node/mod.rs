@@ -20,9 +20,9 @@ use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
 use crate::ids::{ClusterId, NodeId};
-use crate::protocol::connection::{ConnectionError, Receiver, Sender, connect};
+use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -85,7 +85,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
         Some(NodeCommand::Finish) => return Ok(()),
         Some(NodeCommand::Display(_)) | None => return Err(NodeError::Orphaned),
     };
-    let mut shell = Shell::start(configuration, child.hello(), link.reports.clone()).await?;
+    let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
@@ -121,17 +121,17 @@ struct Shell {
 impl Shell {
     async fn start(
         configuration: NodeConfiguration,
-        hello: Hello,
+        introduction: Introduction,
         reports: mpsc::Sender<NodeReport>,
     ) -> Result<Self, NodeError> {
         let master =
-            connect(Role::Master(configuration.cluster), configuration.master, &hello, CONNECT_DEADLINE).await?;
-        let display = connect(Role::Display, configuration.display, &hello, CONNECT_DEADLINE).await?;
+            connect(Role::Master(configuration.cluster), configuration.master, &introduction, CONNECT_DEADLINE).await?;
+        let display = connect(Role::Display, configuration.display, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
         let (to_display, from_display) = display.split();
         let cluster = configuration.cluster;
         let state = State::new(configuration.tiling);
-        let tracer = Tracer::start(configuration, hello)?;
+        let tracer = Tracer::start(configuration, introduction)?;
         Ok(Self {
             cluster,
             state,

@@ -15,7 +15,7 @@ use crate::database::verify::Verified;
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::transaction::FetchRequest;
-use crate::protocol::connection::Listener;
+use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
@@ -73,7 +73,7 @@ fn expected(database: &Verified) -> Vec<Vec<u8>> {
 }
 
 async fn listen() -> Listener {
-    Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())).await.expect("loopback")
+    Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials::plain(TOKEN), |_, _| Ok(())).await.expect("loopback")
 }
 
 /// What the bus was asked for.
