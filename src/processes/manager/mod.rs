@@ -5,7 +5,9 @@
 
 mod children;
 mod closing;
+mod cluster;
 mod control_port;
+mod display_place;
 mod ending;
 mod executables;
 mod job_queue;
@@ -17,6 +19,7 @@ mod process_table;
 mod recorded;
 mod shell;
 mod state;
+mod verification;
 
 #[cfg(test)]
 mod sample;
@@ -160,6 +163,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         exr: request.exr,
         record_references: request.record_references,
         journal: folder.journal(),
+        resume: false,
         fingerprint: fingerprint(&prepared),
         image: folder.image(),
         recording: folder.recording(),
