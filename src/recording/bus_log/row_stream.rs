@@ -39,6 +39,32 @@ pub fn folder_of(recording: &Path, cluster: ClusterId, epoch: Epoch) -> PathBuf 
     folder
 }
 
+/// The folders below that of a recording in which [`folder_of`] puts logs, as far as they are there.
+///
+/// # Errors
+/// A folder cannot be listed.
+pub fn inner_folders(recording: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut next = vec![recording.to_owned()];
+    while let Some(folder) = next.pop() {
+        for entry in fs::read_dir(&folder)? {
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let is_numbered =
+                |prefix| name.strip_prefix(prefix).is_some_and(|number: &str| number.parse::<u32>().is_ok());
+            if (is_numbered("cluster-") || is_numbered("epoch-"))
+                && path.is_dir()
+                && path.components().count() < recording.components().count() + 3
+            {
+                next.push(path.clone());
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
 /// `bus.json`: by which a reader knows that `bus.arrows` is whole.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Sidecar {
