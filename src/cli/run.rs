@@ -28,7 +28,7 @@ pub struct RunArguments {
     #[command(flatten)]
     pub output: OutputOptions,
     /// What to record besides the bus: references, which `marti replay` puts through other memories
-    #[arg(long, value_name = "WHAT", value_enum)]
+    #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
     pub record: Option<Record>,
     /// Print no progress and no summary
     #[arg(long, short)]
