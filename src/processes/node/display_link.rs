@@ -43,8 +43,7 @@ enum Stage {
 impl DisplayLink {
     /// The first event tells whether anybody answers.
     pub fn dial(display: SocketAddr, introduction: Introduction) -> Self {
-        let mut link =
-            Self { introduction, stage: Stage::Lost { told: true }, loss: Some("it was not dialled".to_owned()) };
+        let mut link = Self { introduction, stage: Stage::Lost { told: true }, loss: None };
         link.redial(display, Duration::ZERO);
         link
     }
@@ -52,6 +51,7 @@ impl DisplayLink {
     /// Leaves whatever connection there is, and makes another after a pause.
     pub fn redial(&mut self, display: SocketAddr, pause: Duration) {
         let introduction = self.introduction.clone();
+        self.loss.get_or_insert_with(|| format!("{display} does not answer"));
         self.stage = Stage::Dialling(Box::pin(async move {
             sleep(pause).await;
             connect(Role::Display, display, &introduction, CONNECT_DEADLINE).await
