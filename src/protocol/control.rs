@@ -270,7 +270,7 @@ pub struct Comparison {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileResult {
     pub attempt: Attempt,
-    /// `None`: from a journal.
+    /// `None`: of an earlier run, from its journal; the attempt counts for nothing then.
     pub source: Option<(NodeId, Epoch)>,
     /// SHA-256 of the bytes.
     pub digest: [u8; 32],
