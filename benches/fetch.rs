@@ -59,7 +59,7 @@ fn compare(placement: &str, client: usize, server: usize) -> Result<(), Box<dyn 
     let pong = start_pong(request_bytes, reply_bytes)?;
     pin(client)?;
     store(bus, layout.image_bytes())?;
-    let mut lines = BusLines::connect(bus, &introduction(Role::Node(NodeId(0))))?;
+    let mut lines = BusLines::connect(ClusterId(0), bus, &introduction(Role::Node(NodeId(0))))?;
     let mut raw = TcpStream::connect(pong)?;
     raw.set_nodelay(true)?;
 
@@ -154,7 +154,7 @@ fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Erro
 
 fn store(bus: SocketAddr, bytes: u64) -> Result<(), Box<dyn Error>> {
     let mut loader: BlockingConnection<MemoryRequest, MemoryReply> =
-        BlockingConnection::connect(Role::Bus, bus, &introduction(Role::Manager), DEADLINE)?;
+        BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &introduction(Role::Manager), DEADLINE)?;
     loader.send(&MemoryRequest::Store { address: Address(0) }, &vec![7; bytes as usize])?;
     match loader.receive()? {
         (MemoryReply::Stored, _) => Ok(()),

@@ -153,7 +153,7 @@ mod tests {
     use std::time::Instant;
 
     use super::*;
-    use crate::ids::Epoch;
+    use crate::ids::{ClusterId, Epoch};
     use crate::protocol::connection::{Credentials, Listener};
     use crate::protocol::control::{BusCommand, BusReport};
     use crate::protocol::hello::RunToken;
@@ -166,7 +166,7 @@ mod tests {
         let mut manager =
             Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials.clone(), |_, _| Ok(())).await.expect("loopback");
         let bootstrap = Bootstrap {
-            role: Role::Bus,
+            role: Role::Bus(ClusterId(0)),
             epoch: Epoch(0),
             token: credentials.token,
             manager: manager.address(),

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::ids::{Address, Epoch};
+use crate::ids::{Address, ClusterId, Epoch};
 use crate::protocol::connection::{Credentials, Receiver, Sender, connect};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
@@ -20,12 +20,14 @@ impl Loader {
     /// # Errors
     /// The bus does not answer in time, or refuses this process.
     pub(super) async fn connect(
+        cluster: ClusterId,
         bus: SocketAddr,
         credentials: &Credentials,
         deadline: Duration,
     ) -> Result<Self, String> {
         let introduction = credentials.introduction(Role::Manager, Epoch(0));
-        let connection = connect(Role::Bus, bus, &introduction, deadline).await.map_err(|error| error.to_string())?;
+        let connection =
+            connect(Role::Bus(cluster), bus, &introduction, deadline).await.map_err(|error| error.to_string())?;
         let (sender, receiver) = connection.split();
         Ok(Self { sender, receiver, deadline })
     }

@@ -19,7 +19,7 @@ use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
-use crate::ids::Epoch;
+use crate::ids::{ClusterId, Epoch};
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
 use crate::protocol::hello::Role;
@@ -61,7 +61,7 @@ pub enum BusError {
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
 pub fn run() -> Result<(), BusError> {
-    let child = Child::start("marti-bus", Role::Bus)?;
+    let child = Child::start("marti-bus", Role::Bus(ClusterId(0)))?;
     let mut link = child.control(BusReport::Heartbeat)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let outcome = runtime.block_on(async {

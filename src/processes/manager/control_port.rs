@@ -70,8 +70,8 @@ impl ControlPort {
         let id = ProcessId { role: peer.role, epoch: peer.epoch };
         let events = self.events.clone();
         let queue = match peer.role {
-            Role::Bus => Queue::Bus(converse(id, connection, events, Report::Bus)),
-            Role::Master => Queue::Master(converse(id, connection, events, Report::Master)),
+            Role::Bus(_) => Queue::Bus(converse(id, connection, events, Report::Bus)),
+            Role::Master(_) => Queue::Master(converse(id, connection, events, Report::Master)),
             Role::Node(_) => Queue::Node(converse(id, connection, events, Report::Node)),
             Role::Display => Queue::Display(converse(id, connection, events, Report::Display)),
             Role::Manager => return Event::Refused(format!("{peer} is no child of this manager")),

@@ -29,13 +29,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use sha2::{Digest, Sha256};
+
 use self::ending::Cause;
 use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
-use crate::preparation::{PreparationError, prepare_topology};
+use crate::preparation::{PreparationError, Prepared, prepare_topology};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
@@ -157,6 +159,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         aov: request.aov,
         exr: request.exr,
         record_references: request.record_references,
+        journal: folder.journal(),
+        fingerprint: fingerprint(&prepared),
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -200,6 +204,14 @@ fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunErr
         return Err(RunError::TooManyTiles { tiles });
     }
     Ok(Tiling { width, height, tile_width, tile_height })
+}
+
+/// SHA-256 of all that decides the image's bits: the database, the view and its settings.
+fn fingerprint(prepared: &Prepared) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(prepared.database.database().bytes());
+    hash.update(format!("{:?}", prepared.view));
+    hash.finalize().into()
 }
 
 fn secret() -> Result<RunToken, RunError> {

@@ -16,6 +16,7 @@ use super::executables::Executables;
 use super::plan::Plan;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
+use crate::ids::ClusterId;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
@@ -164,7 +165,7 @@ impl Shell {
 
 /// `deadline` is for each piece.
 async fn upload(bus: SocketAddr, credentials: &Credentials, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(bus, credentials, deadline).await?;
+    let mut loader = Loader::connect(ClusterId(0), bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())

@@ -12,7 +12,7 @@ use tokio::time::timeout;
 use super::*;
 use crate::database::Database;
 use crate::database::verify::Verified;
-use crate::ids::{Address, Attempt, Epoch, TileId};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::transaction::FetchRequest;
 use crate::protocol::connection::{Credentials, Listener};
@@ -191,6 +191,7 @@ async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, N
 fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3]) -> NodeConfiguration {
     let [master, bus, display] = servers.map(Listener::address);
     NodeConfiguration {
+        cluster: ClusterId(0),
         master,
         bus,
         display,

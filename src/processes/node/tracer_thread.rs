@@ -58,7 +58,7 @@ fn trace_all(
     jobs: &channel::Receiver<Job>,
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
-    let bus = BusLines::connect(configuration.bus, introduction)?;
+    let bus = BusLines::connect(configuration.cluster, configuration.bus, introduction)?;
     let Role::Node(node) = introduction.hello.role else { return Err("this process is no node".into()) };
     tile_memory::with(configuration, (node, introduction.hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));

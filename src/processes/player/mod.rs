@@ -28,6 +28,7 @@ use self::voice::{Due, Tally, Voice};
 use super::loader::Loader;
 use super::token;
 use crate::database::{Layout, Section};
+use crate::ids::ClusterId;
 use crate::machine::transaction::{Initiator, Kind, Transaction};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{ConnectionError, Credentials};
@@ -117,7 +118,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let image = database.bytes();
     check_layout(&log.metadata().layout, &database.header.layout)?;
     check_hash(request.scene_sha256.as_deref(), image)?;
-    let score = Score::read(log, image, topology.cluster.nodes, request.may_be_damaged)?;
+    let score = Score::read(log, image, topology.cluster.all_nodes(), request.may_be_damaged)?;
 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| PlayError::System { what: "event queue", error })?;
@@ -165,7 +166,8 @@ async fn upload(
     mut log: Reader,
     image: &[u8],
 ) -> Result<Loader, PlayError> {
-    let mut loader = Loader::connect(bus, credentials, UPLOAD_DEADLINE).await.map_err(PlayError::Upload)?;
+    let mut loader =
+        Loader::connect(ClusterId(0), bus, credentials, UPLOAD_DEADLINE).await.map_err(PlayError::Upload)?;
     let mut uploaded = 0;
     while uploaded < image.len() {
         let Some(rows) = log.next_rows()? else { break };
@@ -187,7 +189,7 @@ fn connect(bus: SocketAddr, credentials: &Credentials, score: &Score) -> Result<
     for speaker in speakers {
         let role = match speaker {
             Initiator::Node(node) => Role::Node(node),
-            Initiator::Master | Initiator::Loader => Role::Master,
+            Initiator::Master | Initiator::Loader => Role::Master(ClusterId(0)),
         };
         voices.insert(speaker, Voice::connect(bus, role, credentials)?);
     }

@@ -10,7 +10,7 @@ use crossbeam_channel::Receiver;
 use nix::sys::prctl::set_timerslack;
 
 use super::latency::Latencies;
-use crate::ids::Epoch;
+use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::{Kind, Transaction};
 use crate::protocol::connection::{BlockingConnection, ConnectionError, Credentials, Fault};
 use crate::protocol::hello::Role;
@@ -84,7 +84,7 @@ impl Voice {
     /// The bus does not answer, or refuses this process.
     pub(super) fn connect(bus: SocketAddr, role: Role, credentials: &Credentials) -> Result<Self, ConnectionError> {
         let introduction = credentials.introduction(role, Epoch(0));
-        let connection = BlockingConnection::connect(Role::Bus, bus, &introduction, DEADLINE)?;
+        let connection = BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &introduction, DEADLINE)?;
         Ok(Self { connection, tally: Tally::new() })
     }
 
