@@ -14,6 +14,7 @@ use time::Date;
 
 pub use self::authority::{Authority, Validity};
 pub use self::certificate::{Certificate, day_of};
+pub(crate) use self::certificate::{certified_name, certified_role};
 pub use self::folder::{KeyFolder, Shown};
 pub use self::identity::Identity;
 pub use self::role_kind::RoleKind;

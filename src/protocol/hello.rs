@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::keys::RoleKind;
 
 /// Raised with every change of a message.
 pub const PROTOCOL_VERSION: u32 = 2;
@@ -20,6 +21,19 @@ pub enum Role {
     Master(ClusterId),
     Node(NodeId),
     Display,
+}
+
+impl Role {
+    /// Without its number.
+    pub const fn kind(self) -> RoleKind {
+        match self {
+            Self::Manager => RoleKind::Manager,
+            Self::Bus(_) => RoleKind::Bus,
+            Self::Master(_) => RoleKind::Master,
+            Self::Node(_) => RoleKind::Node,
+            Self::Display => RoleKind::Display,
+        }
+    }
 }
 
 impl fmt::Display for Role {
