@@ -71,7 +71,7 @@ impl Authority {
         self.issuer.key().serialize_pem()
     }
 
-    /// A new key of a role and its certificate, both in PEM, secret.
+    /// A new key of a role, its certificate and the authority's, in PEM, secret.
     ///
     /// # Errors
     /// The system has no random numbers.
@@ -84,7 +84,7 @@ impl Authority {
         parameters.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         (parameters.not_before, parameters.not_after) = (validity.not_before, validity.not_after);
         let certificate = parameters.signed_by(&key, &self.issuer).map_err(made)?;
-        Ok(certificate.pem() + &key.serialize_pem())
+        Ok([certificate.pem(), key.serialize_pem(), self.certificate.clone()].concat())
     }
 }
 

@@ -1,5 +1,6 @@
 //! The certificates of an identity, parsed, and judged as a peer will judge them.
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -20,29 +21,32 @@ use super::{Identity, KeysError, RoleKind};
 pub struct Certificate {
     kind: RoleKind,
     pub roots: Arc<RootCertStore>,
-    pub chain: Vec<CertificateDer<'static>>,
+    pub own: CertificateDer<'static>,
     pub key: PrivateKeyDer<'static>,
     pub provider: Arc<CryptoProvider>,
 }
 
 impl Certificate {
     /// # Errors
-    /// The texts are no certificates and no key.
+    /// The text is not two certificates and a key.
     pub fn of(identity: &Identity) -> Result<Self, KeysError> {
-        let Identity { kind, authority, own } = identity;
-        let malformed = |what: String| KeysError::Malformed { kind: *kind, what };
-        let certificates = |text: &str| {
-            let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(text.as_bytes()).collect();
-            let found = found.map_err(|error| malformed(error.to_string()))?;
-            if found.is_empty() { Err(malformed("there is no certificate".to_owned())) } else { Ok(found) }
+        let Identity { kind, pem } = identity;
+        let malformed = |what: &dyn fmt::Display| KeysError::Malformed { kind: *kind, what: what.to_string() };
+        let certificates: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(pem.as_bytes()).collect();
+        let certificates = certificates.map_err(|error| malformed(&error))?;
+        let [own, authorities @ ..] = certificates.as_slice() else {
+            return Err(malformed(&"there is no certificate"));
         };
         let mut roots = RootCertStore::empty();
-        for root in certificates(authority)? {
-            roots.add(root).map_err(|error| malformed(error.to_string()))?;
+        for authority in authorities {
+            roots.add(authority.clone()).map_err(|error| malformed(&error))?;
         }
-        let key = PrivateKeyDer::from_pem_slice(own.as_bytes()).map_err(|error| malformed(error.to_string()))?;
+        if roots.is_empty() {
+            return Err(malformed(&"there is no certificate of an authority"));
+        }
+        let key = PrivateKeyDer::from_pem_slice(pem.as_bytes()).map_err(|error| malformed(&error))?;
         let provider = Arc::new(ring::default_provider());
-        Ok(Self { kind: *kind, roots: Arc::new(roots), chain: certificates(own)?, key, provider })
+        Ok(Self { kind: *kind, roots: Arc::new(roots), own: own.clone(), key, provider })
     }
 
     /// Whether peers with the same authority will accept it today: better told at once than by each of them.
@@ -77,13 +81,10 @@ impl Certificate {
     fn check_at(&self, now: UnixTime) -> Result<(), KeysError> {
         let kind = self.kind;
         let malformed = |what: String| KeysError::Malformed { kind, what };
-        let [own, intermediates @ ..] = self.chain.as_slice() else {
-            return Err(malformed("there is no certificate".to_owned()));
-        };
         let verifier =
             WebPkiServerVerifier::builder_with_provider(Arc::clone(&self.roots), Arc::clone(&self.provider)).build();
         let verifier = verifier.map_err(|error| malformed(error.to_string()))?;
-        match verifier.verify_server_cert(own, intermediates, &certified_name(kind)?, &[], now) {
+        match verifier.verify_server_cert(&self.own, &[], &certified_name(kind)?, &[], now) {
             Ok(_) => Ok(()),
             Err(rustls::Error::InvalidCertificate(error)) => Err(match error {
                 CertificateError::ExpiredContext { not_after, .. } => {
@@ -94,7 +95,7 @@ impl Certificate {
                 }
                 CertificateError::UnknownIssuer => KeysError::OtherAuthority { kind },
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {
-                    KeysError::OtherRole { kind, found: certified_role(own) }
+                    KeysError::OtherRole { kind, found: certified_role(&self.own) }
                 }
                 other => malformed(other.to_string()),
             }),

@@ -9,8 +9,8 @@ use time::Date;
 use super::{Authority, Certificate, Identity, KeysError, RoleKind, Validity};
 use crate::secret_file;
 
-/// The authority's certificate: by it others are judged.
-pub(super) const AUTHORITY_FILE: &str = "ca.pem";
+/// The authority's certificate, which is also in each role's file.
+const AUTHORITY_FILE: &str = "ca.pem";
 /// The authority's key. It makes certificates; no run needs it.
 const AUTHORITY_KEY_FILE: &str = "ca.key";
 pub(super) const FILE_BYTES_MAX: u64 = 64 << 10;

@@ -5,32 +5,27 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::folder::{AUTHORITY_FILE, FILE_BYTES_MAX, role_file};
+use super::folder::{FILE_BYTES_MAX, role_file};
 use super::{Certificate, KeysError, RoleKind};
 use crate::secret_file;
 
-/// The authority's certificate, and the certificate and key of one role: PEM texts, so that they travel to another host
-/// as they are. The key is never printed.
+/// One role's certificate and key, and the certificate of the authority by which others are judged: a PEM text, so that
+/// it travels to another host as it is. It is never printed.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     pub kind: RoleKind,
-    /// Certificates that others are judged by.
-    pub authority: String,
-    /// Certificate and key, secret.
-    pub own: String,
+    /// Secret.
+    pub pem: String,
 }
 
 impl Identity {
-    /// Reads the keys of a role from a folder that `marti keys new` made.
+    /// Reads the keys of a role from a folder that `marti keys new` made, or from that role's file alone.
     ///
     /// # Errors
-    /// A file is not there, others can read the key, or what [`Certificate::check`] says.
-    pub fn read(folder: &Path, kind: RoleKind) -> Result<Self, KeysError> {
-        let authority = folder.join(AUTHORITY_FILE);
-        let authority =
-            std::fs::read_to_string(&authority).map_err(|error| secret_file::named(&authority, &error.to_string()))?;
-        let own = secret_file::read(&folder.join(role_file(kind)), FILE_BYTES_MAX)?;
-        let identity = Self { kind, authority, own };
+    /// The file is not there, others can read it, or what [`Certificate::check`] says.
+    pub fn read(path: &Path, kind: RoleKind) -> Result<Self, KeysError> {
+        let file = if path.is_dir() { path.join(role_file(kind)) } else { path.to_owned() };
+        let identity = Self { kind, pem: secret_file::read(&file, FILE_BYTES_MAX)? };
         Certificate::of(&identity)?.check()?;
         Ok(identity)
     }

@@ -30,7 +30,7 @@ pub enum KeysError {
     Expired { kind: RoleKind, day: Date },
     #[error("the certificate of {kind} is valid from {day} on only: is the clock of this host right?")]
     NotValidYet { kind: RoleKind, day: Date },
-    #[error("the certificate of {kind} is not of the authority in {authority}", authority = folder::AUTHORITY_FILE)]
+    #[error("the certificate of {kind} is not of the authority beside it")]
     OtherAuthority { kind: RoleKind },
     #[error("expected the certificate of {kind}, found that of {}", found.map_or("no role", RoleKind::name))]
     OtherRole { kind: RoleKind, found: Option<RoleKind> },

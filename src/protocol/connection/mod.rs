@@ -10,6 +10,7 @@ pub mod handshake;
 pub mod listener;
 pub mod read_buffer;
 pub mod socket;
+mod strangers;
 pub mod tls;
 mod tls_words;
 

@@ -47,20 +47,20 @@ impl Tls {
     /// As [`Self::new`], whatever the peers will say of it.
     fn unchecked(kind: RoleKind, certificate: Certificate) -> Result<Self, KeysError> {
         let malformed = |what: String| KeysError::Malformed { kind, what };
-        let Certificate { roots, chain, key, provider, .. } = certificate;
+        let Certificate { roots, own, key, provider, .. } = certificate;
         let verifier = WebPkiClientVerifier::builder_with_provider(Arc::clone(&roots), Arc::clone(&provider)).build();
         let verifier = verifier.map_err(|error| malformed(error.to_string()))?;
         let mut server = ServerConfig::builder_with_provider(Arc::clone(&provider))
             .with_protocol_versions(&[&TLS13])
             .map(|server| server.with_client_cert_verifier(verifier))
-            .and_then(|server| server.with_single_cert(chain.clone(), key.clone_key()))
+            .and_then(|server| server.with_single_cert(vec![own.clone()], key.clone_key()))
             .map_err(|error| malformed(error.to_string()))?;
         server.session_storage = Arc::new(NoServerSessionStorage {});
         server.send_tls13_tickets = 0;
         let mut client = ClientConfig::builder_with_provider(provider)
             .with_protocol_versions(&[&TLS13])
             .map(|client| client.with_root_certificates(roots))
-            .and_then(|client| client.with_client_auth_cert(chain, key))
+            .and_then(|client| client.with_client_auth_cert(vec![own], key))
             .map_err(|error| malformed(error.to_string()))?;
         client.resumption = Resumption::disabled();
         Ok(Self { client: Arc::new(client), server: Arc::new(server) })
@@ -69,7 +69,7 @@ impl Tls {
     /// Where the other side refuses this process, the first read tells.
     pub(super) async fn connect(&self, kind: RoleKind, stream: TcpStream) -> Result<TlsStream<TcpStream>, Fault> {
         let name = certified_name(kind).map_err(|error| Fault::Tls(error.to_string()))?;
-        Ok(TlsConnector::from(Arc::clone(&self.client)).connect(name, stream).await?.into())
+        Ok(TlsConnector::from(Arc::clone(&self.client)).connect(name, stream).await.map_err(broken_off)?.into())
     }
 
     /// As [`Self::connect`], for a plain thread.
@@ -85,7 +85,7 @@ impl Tls {
         while session.is_handshaking() {
             session.complete_io(&mut until).map_err(|error| match error {
                 error if would_block(&error) => Fault::Silent { awaited: "a TLS handshake", deadline },
-                error => error.into(),
+                error => broken_off(error),
             })?;
         }
         Ok(Socket::tls(session.into(), stream))
@@ -101,9 +101,17 @@ impl Tls {
             }
             Err((error, stream)) => {
                 linger(stream).await;
-                Err(error.into())
+                Err(broken_off(error))
             }
         }
+    }
+}
+
+/// A handshake has no frames that could be torn.
+fn broken_off(error: io::Error) -> Fault {
+    match error.into() {
+        Fault::Torn => Fault::Closed,
+        fault => fault,
     }
 }
 
