@@ -308,4 +308,6 @@ impl<M: Message> Receiver<M> {
 }
 
 #[cfg(test)]
+mod refusal_tests;
+#[cfg(test)]
 mod tests;

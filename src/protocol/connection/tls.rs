@@ -167,4 +167,13 @@ pub(super) mod tests {
     pub(in super::super) fn unchecked(identity: &Identity) -> Tls {
         Tls::unchecked(identity.kind, Certificate::of(identity).expect("well-formed")).expect("a key")
     }
+
+    /// Dials without a certificate of its own.
+    pub(in super::super) fn without_certificate(identity: &Identity) -> Tls {
+        let tls = Tls::new(identity).expect("good keys");
+        let Certificate { roots, provider, .. } = Certificate::of(identity).expect("well-formed");
+        let client = ClientConfig::builder_with_provider(provider).with_protocol_versions(&[&TLS13]);
+        let client = client.expect("TLS 1.3").with_root_certificates(roots).with_no_client_auth();
+        Tls { client: Arc::new(client), ..tls }
+    }
 }
