@@ -40,6 +40,7 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::journal::{Journal, JournalError, Subject};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
@@ -112,6 +113,9 @@ pub enum RunError {
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -128,7 +132,11 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        match self {
+            Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            _ => false,
+        }
     }
 }
 
@@ -153,6 +161,17 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
+
     let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
     let folder = prepare(out, topology).map_err(RunError::Output)?;
     match telemetry::start(&folder.log("manager")) {
@@ -167,12 +186,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
-        journal: folder.journal(),
+        journal: output_folder::journal(out),
         resume: request.resume,
-        fingerprint: fingerprint(&prepared),
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -188,7 +207,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
     let state = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.
