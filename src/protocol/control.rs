@@ -158,6 +158,8 @@ pub struct MasterTotals {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum NodeCommand {
     Configure(Box<NodeConfiguration>),
+    /// From now on, one bit of every tile is to be wrong.
+    Corrupt,
     Finish,
 }
 

@@ -6,6 +6,7 @@
 mod children;
 mod closing;
 mod control_port;
+mod disturbance;
 mod ending;
 mod executables;
 mod job_queue;
@@ -35,6 +36,7 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::chaos;
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
@@ -55,6 +57,8 @@ pub struct RunRequest {
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
     pub record_references: bool,
+    /// Faults on purpose.
+    pub chaos: Option<chaos::Schedule>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -102,6 +106,8 @@ pub enum RunError {
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
+    #[error("--chaos: {0}")]
+    Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
     /// The error names the file.
@@ -120,7 +126,14 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        matches!(
+            self,
+            Self::Preparation(_)
+                | Self::NothingToRecord
+                | Self::TooManyTiles { .. }
+                | Self::LocalMemory(_)
+                | Self::Chaos(_)
+        )
     }
 }
 
@@ -135,6 +148,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
     }
+    let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
@@ -166,6 +180,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         token: secret()?,
         words: Arc::clone(&database.words),
         quiet: request.quiet,
+        faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
@@ -173,7 +188,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The bus holds the database from here on.
     drop(prepared);
-    let state = runtime.block_on(run.finish(plan))?;
+    let (state, chaos) = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -181,7 +196,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
         None => Vec::new(),
     };
-    let report = closing::report(&state, facts, checks, start.elapsed());
+    let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,
@@ -190,6 +205,11 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
     Ok(RunOutcome { end, report })
+}
+
+fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
+    let cast = chaos::Cast { clusters: 1, nodes: request.topology.cluster.nodes };
+    request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
 }
 
 fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {

@@ -2,6 +2,7 @@
 //! the display, and tells the master when they have arrived.
 
 pub mod bus_lines;
+mod corruption;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
@@ -15,6 +16,7 @@ use tokio::time::{Instant, timeout_at};
 
 pub use bus_lines::BusLines;
 
+use self::corruption::Corruption;
 use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
@@ -82,7 +84,7 @@ pub fn run() -> Result<(), NodeError> {
 async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<(), NodeError> {
     let configuration = match link.commands.recv().await {
         Some(NodeCommand::Configure(configuration)) => *configuration,
-        Some(NodeCommand::Finish) => return Ok(()),
+        Some(NodeCommand::Corrupt | NodeCommand::Finish) => return Ok(()),
         None => return Err(NodeError::Orphaned),
     };
     let mut shell = Shell::start(configuration, child.hello(), link.reports.clone()).await?;
@@ -90,6 +92,10 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
         let event = tokio::select! {
             command = link.commands.recv() => match command {
                 Some(NodeCommand::Finish) => return Ok(()),
+                Some(NodeCommand::Corrupt) => {
+                    shell.corruption = Some(Corruption::of(child.bootstrap.role));
+                    continue;
+                }
                 Some(NodeCommand::Configure(_)) => {
                     tracing::warn!("configured twice: the second is not heeded");
                     continue;
@@ -114,6 +120,8 @@ struct Shell {
     reports: mpsc::Sender<NodeReport>,
     /// Of the acknowledgement that is awaited.
     late: Instant,
+    /// `Some`: it was told to err.
+    corruption: Option<Corruption>,
 }
 
 impl Shell {
@@ -128,7 +136,9 @@ impl Shell {
         let (to_display, from_display) = display.split();
         let state = State::new(configuration.tiling);
         let tracer = Tracer::start(configuration, hello)?;
-        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, reports, late: Instant::now() })
+        let late = Instant::now();
+        let corruption = None;
+        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, reports, late, corruption })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
@@ -165,7 +175,10 @@ impl Shell {
                 Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
                 // There is room: no more tiles are asked for than the queue takes.
                 Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
-                Action::SendPixels { tile, attempt, pixels } => {
+                Action::SendPixels { tile, attempt, mut pixels } => {
+                    if let Some(corruption) = self.corruption {
+                        corruption.flip_a_bit(&mut pixels, tile);
+                    }
                     let planes = pixels.planes();
                     let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
                     let [colour, depth, normal, primitive] = planes;
