@@ -15,9 +15,9 @@ use marti::machine::transaction::FetchRequest;
 use marti::processes::bus::memory_loop::{Command, MemoryLoop};
 use marti::processes::bus::state::State;
 use marti::processes::node::BusLines;
-use marti::protocol::connection::{BlockingConnection, Listener};
+use marti::protocol::connection::{BlockingConnection, Credentials, Introduction, Listener};
 use marti::protocol::control::BusConfiguration;
-use marti::protocol::hello::{Hello, Role, RunToken};
+use marti::protocol::hello::{Role, RunToken};
 use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::recording::{Metadata, Writer};
 use marti::topology::Arbiter;
@@ -59,7 +59,7 @@ fn compare(placement: &str, client: usize, server: usize) -> Result<(), Box<dyn 
     let pong = start_pong(request_bytes, reply_bytes)?;
     pin(client)?;
     store(bus, layout.image_bytes())?;
-    let mut lines = BusLines::connect(bus, &hello(Role::Node(NodeId(0))))?;
+    let mut lines = BusLines::connect(ClusterId(0), bus, &introduction(Role::Node(NodeId(0))))?;
     let mut raw = TcpStream::connect(pong)?;
     raw.set_nodelay(true)?;
 
@@ -105,8 +105,8 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-fn hello(role: Role) -> Hello {
-    Hello::new(role, Epoch(0), TOKEN)
+fn introduction(role: Role) -> Introduction {
+    Credentials::plain(TOKEN).introduction(role, Epoch(0))
 }
 
 fn fetch(line: u64) -> FetchRequest {
@@ -132,7 +132,8 @@ fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Erro
     let (memory_loop, handle) = MemoryLoop::new(State::new(&configuration, Epoch(0)), recording, incidents, DEADLINE)?;
     thread::spawn(|| memory_loop.run());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut listener = runtime.block_on(Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())))?;
+    let mut listener =
+        runtime.block_on(Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials::plain(TOKEN), |_, _| Ok(())))?;
     let address = listener.address();
     thread::spawn(move || {
         runtime.block_on(async {
@@ -153,7 +154,7 @@ fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Erro
 
 fn store(bus: SocketAddr, bytes: u64) -> Result<(), Box<dyn Error>> {
     let mut loader: BlockingConnection<MemoryRequest, MemoryReply> =
-        BlockingConnection::connect(Role::Bus, bus, &hello(Role::Manager), DEADLINE)?;
+        BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &introduction(Role::Manager), DEADLINE)?;
     loader.send(&MemoryRequest::Store { address: Address(0) }, &vec![7; bytes as usize])?;
     match loader.receive()? {
         (MemoryReply::Stored, _) => Ok(()),

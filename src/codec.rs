@@ -68,7 +68,8 @@ messages! {
     NodeCommand: 4 << 20, bulk 0;
     NodeReport: 64 << 10, bulk 0;
     DisplayCommand: 64 << 10, bulk 0;
-    DisplayReport: 64 << 10, bulk 0;
+    // A bit a tile.
+    DisplayReport: 4 << 20, bulk 0;
     MemoryRequest: 64, bulk BULK_BYTES_MAX as usize;
     MemoryReply: 4 << 10, bulk BULK_BYTES_MAX as usize;
     // Two words a counter, four counters a class and ray kind.

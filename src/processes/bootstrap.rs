@@ -7,9 +7,9 @@ use std::thread;
 use std::time::Duration;
 
 use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
-use crate::protocol::connection::ConnectionError;
+use crate::protocol::connection::{ConnectionError, Credentials, Introduction};
 use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 use crate::telemetry::{self, TelemetryError};
 
 use super::ControlLink;
@@ -55,8 +55,13 @@ impl Child {
     }
 
     /// How this process introduces itself, to whomever it dials.
-    pub fn hello(&self) -> Hello {
-        Hello::new(self.bootstrap.role, self.bootstrap.epoch, self.bootstrap.token)
+    pub fn introduction(&self) -> Introduction {
+        self.credentials().introduction(self.bootstrap.role, self.bootstrap.epoch)
+    }
+
+    /// What this process asks of those who dial it.
+    pub fn credentials(&self) -> Credentials {
+        Credentials::plain(self.bootstrap.token)
     }
 
     /// Dials the manager.
@@ -67,7 +72,7 @@ impl Child {
         &self,
         heartbeat: Report,
     ) -> Result<ControlLink<Command, Report>, StartError> {
-        ControlLink::open(&self.bootstrap, &self.hello(), heartbeat)
+        ControlLink::open(&self.bootstrap, &self.introduction(), heartbeat)
     }
 }
 

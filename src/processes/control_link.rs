@@ -14,9 +14,9 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 use super::bootstrap::StartError;
 use crate::codec::Message;
-use crate::protocol::connection::{Connection, ConnectionError, Receiver, Sender, connect};
+use crate::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 
 /// For the manager to answer the first hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
@@ -43,17 +43,21 @@ impl<Command: Message, Report: Message + Clone> ControlLink<Command, Report> {
     ///
     /// # Errors
     /// The manager does not answer within 5 s, or refuses this process.
-    pub(super) fn open(bootstrap: &Bootstrap, hello: &Hello, heartbeat: Report) -> Result<Self, StartError> {
+    pub(super) fn open(
+        bootstrap: &Bootstrap,
+        introduction: &Introduction,
+        heartbeat: Report,
+    ) -> Result<Self, StartError> {
         let (command_sender, commands) = mpsc::channel(QUEUE_MAX);
         let (reports, report_receiver) = mpsc::channel(QUEUE_MAX);
         let (connected, connection) = sync_channel(1);
         let (closing, close) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(StartError::Thread)?;
-        let (manager, hello) = (bootstrap.manager, hello.clone());
+        let (manager, introduction) = (bootstrap.manager, introduction.clone());
         let period = Duration::from_millis(bootstrap.heartbeat_milliseconds.max(1));
         let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
             runtime.block_on(async move {
-                let connection = match connect(Role::Manager, manager, &hello, CONNECT_DEADLINE).await {
+                let connection = match connect(Role::Manager, manager, &introduction, CONNECT_DEADLINE).await {
                     Ok(connection) => connection,
                     Err(error) => return drop(connected.send(Err(error))),
                 };
@@ -149,8 +153,8 @@ mod tests {
     use std::time::Instant;
 
     use super::*;
-    use crate::ids::Epoch;
-    use crate::protocol::connection::Listener;
+    use crate::ids::{ClusterId, Epoch};
+    use crate::protocol::connection::{Credentials, Listener};
     use crate::protocol::control::{BusCommand, BusReport};
     use crate::protocol::hello::RunToken;
 
@@ -158,21 +162,22 @@ mod tests {
 
     #[tokio::test]
     async fn signs_of_life_go_on_while_the_process_is_busy_and_its_last_words_arrive() {
-        let token = RunToken::new([1; 32]);
-        let mut manager = Listener::bind(Ipv4Addr::LOCALHOST.into(), token, |_, _| Ok(())).await.expect("loopback");
+        let credentials = Credentials::plain(RunToken::new([1; 32]));
+        let mut manager =
+            Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials.clone(), |_, _| Ok(())).await.expect("loopback");
         let bootstrap = Bootstrap {
-            role: Role::Bus,
+            role: Role::Bus(ClusterId(0)),
             epoch: Epoch(0),
-            token,
+            token: credentials.token,
             manager: manager.address(),
             log: "unused".into(),
             heartbeat_milliseconds: PERIOD.as_millis() as u64,
         };
         let busy = 20 * PERIOD;
         let process = thread::spawn(move || {
-            let hello = Hello::new(bootstrap.role, bootstrap.epoch, bootstrap.token);
+            let introduction = credentials.introduction(bootstrap.role, bootstrap.epoch);
             let mut link: ControlLink<BusCommand, BusReport> =
-                ControlLink::open(&bootstrap, &hello, BusReport::Heartbeat).expect("welcome");
+                ControlLink::open(&bootstrap, &introduction, BusReport::Heartbeat).expect("welcome");
             let command = link.commands.blocking_recv();
             thread::sleep(busy);
             for i in 0..100 {

@@ -99,17 +99,21 @@ pub enum MasterCommand {
     Finish,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileGrant {
     pub tile: TileId,
     pub attempt: Attempt,
     /// Under interleaved assignment, the only node that may trace it.
     pub node: Option<NodeId>,
+    /// Nodes that may not: they trace it, or have traced it, already.
+    pub except: Vec<NodeId>,
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct MasterConfiguration {
     pub bus: SocketAddr,
+    /// Of the cluster; the others follow it.
+    pub first_node: NodeId,
     pub nodes: u16,
     pub assignment: Assignment,
     /// A tile not acknowledged for so long is reported as late.
@@ -158,6 +162,8 @@ pub struct MasterTotals {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum NodeCommand {
     Configure(Box<NodeConfiguration>),
+    /// There is a new display: what the last one did not acknowledge goes there again.
+    Display(SocketAddr),
     /// From now on, one bit of every tile is to be wrong.
     Corrupt,
     Finish,
@@ -165,6 +171,7 @@ pub enum NodeCommand {
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct NodeConfiguration {
+    pub cluster: ClusterId,
     pub master: SocketAddr,
     pub bus: SocketAddr,
     pub display: SocketAddr,
@@ -203,6 +210,8 @@ pub struct Packets {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayCommand {
     Configure(DisplayConfiguration),
+    /// What is held of these tiles is wrong: they are to be taken anew. At most [`REVOCATIONS_MAX`].
+    Revoke(Vec<Revocation>),
     /// Write what there is, whole or partial, and report.
     Finish,
 }
@@ -211,6 +220,12 @@ pub enum DisplayCommand {
 pub struct DisplayConfiguration {
     pub tiling: Tiling,
     pub aov: AovSet,
+    /// The file that every tile is appended to before it is acknowledged.
+    pub journal: PathBuf,
+    /// Whether the tiles in the journal are taken over; if not, it starts over.
+    pub resume: bool,
+    /// Of scene and image settings: a journal of others is refused.
+    pub fingerprint: [u8; 32],
     /// The image file, ending in `.png`; the others stand beside it under the same stem.
     pub image: PathBuf,
     pub exr: bool,
@@ -219,11 +234,46 @@ pub struct DisplayConfiguration {
 /// Display to manager.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayReport {
+    /// Told before it listens: a bit a tile, set where the journal has it; bit i mod 8 of byte i / 8.
+    Restored(Vec<u8>),
     Listening(SocketAddr),
     Heartbeat,
     Incident(String),
+    /// A later result of a tile that was there already was held against it.
+    Compared(Comparison),
+    /// From now on results of these attempts, and of earlier ones, are dropped.
+    Revoked(Vec<Revocation>),
     Finished(DisplayTotals),
     Failed(String),
+}
+
+/// Most of them in one message.
+pub const REVOCATIONS_MAX: usize = 4096;
+
+/// A tile, and the last of its attempts that is not to be taken.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+pub struct Revocation {
+    pub tile: TileId,
+    pub attempt: Attempt,
+}
+
+/// Two results of one tile, compared byte for byte.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Comparison {
+    pub tile: TileId,
+    /// The one in the frame.
+    pub kept: TileResult,
+    pub other: TileResult,
+}
+
+/// A tile's pixels, and where they come from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct TileResult {
+    pub attempt: Attempt,
+    /// `None`: from a journal.
+    pub source: Option<(NodeId, Epoch)>,
+    /// SHA-256 of the bytes.
+    pub digest: [u8; 32],
 }
 
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]

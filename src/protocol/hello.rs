@@ -4,10 +4,10 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::ids::{Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, NodeId};
 
 /// Raised with every change of a message.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 pub const MAGIC: [u8; 8] = *b"marti\0\r\n";
 /// Until a peer is known, no frame may be longer.
 pub const HELLO_BYTES_MAX: usize = 4096;
@@ -16,8 +16,8 @@ pub const HELLO_BYTES_MAX: usize = 4096;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum Role {
     Manager,
-    Bus,
-    Master,
+    Bus(ClusterId),
+    Master(ClusterId),
     Node(NodeId),
     Display,
 }
@@ -26,8 +26,10 @@ impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Manager => f.write_str("manager"),
-            Self::Bus => f.write_str("bus"),
-            Self::Master => f.write_str("master"),
+            Self::Bus(ClusterId(0)) => f.write_str("bus"),
+            Self::Bus(cluster) => write!(f, "bus of {cluster}"),
+            Self::Master(ClusterId(0)) => f.write_str("master"),
+            Self::Master(cluster) => write!(f, "master of {cluster}"),
             Self::Node(node) => write!(f, "{node}"),
             Self::Display => f.write_str("display"),
         }

@@ -10,8 +10,8 @@ use serde::de::{IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
-    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
+    Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
+    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Assignment, MemorySize, Replacement, TileOrder, Transactions};
 use crate::scene::procedural::Kind;
@@ -191,7 +191,9 @@ impl Default for Octree {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cluster {
-    /// Processing nodes.
+    /// Clusters, each with a bus, a master and nodes of its own.
+    pub count: Clusters,
+    /// Processing nodes of each.
     pub nodes: Nodes,
     #[serde(deserialize_with = "table")]
     pub processor: Processor,
@@ -204,6 +206,7 @@ pub struct Cluster {
 impl Default for Cluster {
     fn default() -> Self {
         Self {
+            count: Clusters(1),
             nodes: Nodes(4),
             processor: Processor::default(),
             local_memory: LocalMemory::default(),
@@ -308,8 +311,10 @@ pub struct Run {
     /// Which node gets which tile.
     #[serde(deserialize_with = "name")]
     pub assignment: Assignment,
-    /// Seeds random replacement and random tile order.
+    /// Seeds random replacement, random tile order, and the choice of tiles that are verified.
     pub seed: Seed,
+    /// Share of the tiles that is rendered twice, by different nodes, and compared.
+    pub verify: Verify,
     #[serde(deserialize_with = "table")]
     pub deadlines: Deadlines,
 }
@@ -320,6 +325,7 @@ impl Default for Run {
             order: TileOrder::Scanline,
             assignment: Assignment::OnDemand,
             seed: Seed(1),
+            verify: Verify(0.0),
             deadlines: Deadlines::default(),
         }
     }

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 pub use memory_size::NotASize;
 pub use overrides::Override;
 
+use crate::ids::{ClusterId, NodeId};
 use crate::scene::{Camera, Light, procedural::Procedural};
 use crate::tracer::view::ImageSettings;
 
@@ -104,11 +105,34 @@ impl Octree {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
-    /// Processing nodes, 1 to 256.
+    /// Clusters of this kind, each with a bus, a master and nodes of its own, 1 to 64.
+    pub count: u16,
+    /// Processing nodes of each, 1 to 256. Node ids go on from cluster to cluster.
     pub nodes: u16,
     pub processor: Processor,
     pub local_memory: LocalMemory,
     pub bus: Bus,
+}
+
+impl Cluster {
+    /// Processing nodes of all clusters.
+    pub fn all_nodes(&self) -> u16 {
+        self.count * self.nodes
+    }
+
+    /// The cluster that a node belongs to.
+    pub fn of(&self, node: NodeId) -> ClusterId {
+        ClusterId(node.0 / self.nodes)
+    }
+
+    /// The first node of a cluster.
+    pub fn first_node(&self, cluster: ClusterId) -> NodeId {
+        NodeId(cluster.0 * self.nodes)
+    }
+
+    pub fn ids(&self) -> impl Iterator<Item = ClusterId> + use<> {
+        (0..self.count).map(ClusterId)
+    }
 }
 
 /// What a processing node's work costs, cycles, each 0 to 1,000,000. A model that a replay applies to what was counted:
@@ -225,8 +249,10 @@ pub enum Arbiter {
 pub struct Run {
     pub order: TileOrder,
     pub assignment: Assignment,
-    /// Seeds random replacement and random tile order.
+    /// Seeds random replacement, random tile order, and the choice of tiles that are verified.
     pub seed: u64,
+    /// Share of the tiles that is rendered twice, by different nodes, and compared, 0 to 1.
+    pub verify: f64,
     pub deadlines: Deadlines,
 }
 

@@ -19,6 +19,9 @@ type Result<T> = std::result::Result<T, SourceError>;
 /// Tiles are square with this side where the file says nothing, pixels.
 const TILE_SIDE: u32 = 16;
 
+/// Nodes that verification needs.
+const VERIFY_NODES_MIN: u16 = 3;
+
 /// # Errors
 /// The first combination of values that is not possible.
 pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Result<Topology> {
@@ -37,6 +40,7 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             mailbox: written.octree.mailbox,
         },
         cluster: Cluster {
+            count: written.cluster.count.0,
             nodes: written.cluster.nodes.0,
             processor: processor(&written.cluster.processor),
             local_memory: local_memory(&written.cluster.local_memory, document)?,
@@ -46,6 +50,7 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             order: written.run.order,
             assignment: written.run.assignment,
             seed: written.run.seed.0,
+            verify: verify(written, document)?,
             deadlines: deadlines(&written.run.deadlines),
         },
     })
@@ -161,6 +166,19 @@ fn arbiter(written: &file::Bus, document: &Document<'_>) -> Result<Arbiter> {
             Err(document.error(&["cluster.bus.quantum"], what))
         }
     }
+}
+
+/// Two nodes disagree, a third one settles it.
+fn verify(written: &File, document: &Document<'_>) -> Result<f64> {
+    let verify = written.run.verify.0;
+    let nodes = written.cluster.count.0 * written.cluster.nodes.0;
+    if verify > 0.0 && nodes < VERIFY_NODES_MIN {
+        let what = format!(
+            "run.verify is {verify} with {nodes} nodes, expected at least {VERIFY_NODES_MIN}: where two disagree, a third one settles it"
+        );
+        return Err(document.error(&["run.verify", "cluster.nodes"], what));
+    }
+    Ok(verify)
 }
 
 fn deadlines(written: &file::Deadlines) -> Deadlines {

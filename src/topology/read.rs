@@ -309,6 +309,7 @@ mod tests {
             image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0 },
             octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
             cluster: Cluster {
+                count: 1,
                 nodes: 4,
                 processor: Processor { octree_node: 20, primitive_test: 60, shading: 200, local_access: 1 },
                 local_memory: LocalMemory {
@@ -329,6 +330,7 @@ mod tests {
                 order: TileOrder::Scanline,
                 assignment: Assignment::OnDemand,
                 seed: 1,
+                verify: 0.0,
                 deadlines: Deadlines {
                     startup: Duration::from_secs(10),
                     heartbeat: Duration::from_secs(5),

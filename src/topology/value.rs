@@ -200,9 +200,19 @@ quantity!(
     Range::integer(0.0, 20.0)
 );
 quantity!(
-    /// Processing nodes of the cluster.
+    /// Processing nodes of a cluster.
     Nodes(u16),
     Range::integer(1.0, 256.0)
+);
+quantity!(
+    /// Clusters, each with a bus, a master and nodes of its own.
+    Clusters(u16),
+    Range::integer(1.0, 64.0)
+);
+quantity!(
+    /// Share of the tiles that is rendered twice.
+    Verify(f64),
+    Range::number(0.0, 1.0)
 );
 quantity!(
     /// Bytes of a line.

@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use super::file::{self, File};
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
-    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
+    Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
+    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Arbiter, Bus, Cluster, Image, Octree, Processor, Run, SceneSource, Topology};
 
@@ -82,6 +82,7 @@ fn octree(octree: Octree) -> file::Octree {
 fn cluster(cluster: &Cluster) -> file::Cluster {
     let memory = cluster.local_memory;
     file::Cluster {
+        count: Clusters(cluster.count),
         nodes: Nodes(cluster.nodes),
         processor: cluster.processor.into(),
         local_memory: file::LocalMemory {
@@ -128,6 +129,7 @@ fn run(run: &Run) -> file::Run {
         order: run.order,
         assignment: run.assignment,
         seed: Seed(run.seed),
+        verify: Verify(run.verify),
         deadlines: file::Deadlines {
             startup_seconds: Seconds(run.deadlines.startup.as_secs_f64()),
             heartbeat_seconds: Seconds(run.deadlines.heartbeat.as_secs_f64()),
@@ -166,12 +168,13 @@ mod tests {
         light = [{ position = [1, 2, 3] }, { position = [4, 5, 6], colour = [0.25, 0, 3] }]\n\
         image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1 }\n\
         octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
+        cluster.count = 3\n\
         cluster.nodes = 256\n\
         cluster.local_memory = { size = '1.5 KiB', line = 32, ways = 3, replacement = 'random' }\n\
         cluster.processor = { octree_node = 0, primitive_test = 7, shading = 1000000, local_access = 3 }\n\
         cluster.bus = { arbiter = 'round_robin', quantum = 17, width = 64, cycles_per_word = 1024, latency = 0,\n\
             transactions = 'split' }\n\
-        run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, deadlines = {\n\
+        run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, verify = 0.25, deadlines = {\n\
             startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999 } }\n";
 
     #[test]

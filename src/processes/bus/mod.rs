@@ -19,10 +19,10 @@ use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
-use crate::ids::Epoch;
-use crate::protocol::connection::{Arrival, ConnectionError, Listener, WRITE_DEADLINE};
+use crate::ids::{ClusterId, Epoch};
+use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::Role;
 use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 
 /// Incidents on their way from the loop to the manager.
@@ -61,7 +61,7 @@ pub enum BusError {
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
 pub fn run() -> Result<(), BusError> {
-    let child = Child::start("marti-bus", Role::Bus)?;
+    let child = Child::start("marti-bus", Role::Bus(ClusterId(0)))?;
     let mut link = child.control(BusReport::Heartbeat)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let outcome = runtime.block_on(async {
@@ -91,7 +91,7 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
     let epoch = child.bootstrap.epoch;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None)?;
-    let mut listener = listen((link.interface, 0).into(), child.bootstrap.token).await?;
+    let mut listener = listen((link.interface, 0).into(), child.credentials()).await?;
     let mut reports = vec![BusReport::Listening(listener.address())];
     loop {
         for report in reports.drain(..) {
@@ -141,12 +141,12 @@ fn start_loop(
     Ok((handle, ended))
 }
 
-async fn listen(address: SocketAddr, token: RunToken) -> Result<Listener, BusError> {
+async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listener, BusError> {
     let admits = |role, _| match initiator(role) {
         Some(_) => Ok(()),
         None => Err("the manager, the master or a node".to_owned()),
     };
-    Ok(Listener::bind_to(address, token, admits).await?)
+    Ok(Listener::bind_to(address, credentials, admits).await?)
 }
 
 /// Hands a peer to the loop; returns what the manager should know if there is none.

@@ -43,9 +43,9 @@ pub struct State {
 pub fn initiator(role: Role) -> Option<Initiator> {
     match role {
         Role::Manager => Some(Initiator::Loader),
-        Role::Master => Some(Initiator::Master),
+        Role::Master(_) => Some(Initiator::Master),
         Role::Node(node) => Some(Initiator::Node(node)),
-        Role::Bus | Role::Display => None,
+        Role::Bus(_) | Role::Display => None,
     }
 }
 

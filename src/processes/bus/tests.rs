@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use super::*;
 use crate::codec;
 use crate::database::{Layout, Section};
-use crate::ids::{Address, Attempt, ClusterId, NodeId, TileId};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::connection::{BlockingConnection, Fault};
 use crate::protocol::control::LostAttempt;
-use crate::protocol::hello::Hello;
+use crate::protocol::hello::{Hello, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::topology::Arbiter;
 
@@ -66,7 +66,8 @@ impl TestBus {
     }
 
     fn connect(&self, role: Role, epoch: u32) -> Connection {
-        Connection::connect(Role::Bus, self.address, &Hello::new(role, Epoch(epoch), TOKEN), SOON).expect("welcome")
+        let introduction = Credentials::plain(TOKEN).introduction(role, Epoch(epoch));
+        Connection::connect(Role::Bus(ClusterId(0)), self.address, &introduction, SOON).expect("welcome")
     }
 
     fn node(&self, node: u16) -> Connection {
@@ -106,7 +107,7 @@ async fn run_until(
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
     let loop_thread = thread::spawn(|| memory_loop.run());
-    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), TOKEN).await.expect("loopback");
+    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), Credentials::plain(TOKEN)).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {
         tokio::select! {
@@ -196,7 +197,7 @@ fn many_nodes_at_once_each_get_their_own_lines() {
 #[test]
 fn messages_that_are_not_answered_count_even_when_the_end_follows_at_once() {
     let bus = TestBus::start();
-    let mut master = bus.connect(Role::Master, 0);
+    let mut master = bus.connect(Role::Master(ClusterId(0)), 0);
     for tile in 0..200 {
         let (node, tile, attempt) = (NodeId(0), TileId(tile), Attempt(0));
         master.send(&MemoryRequest::Job { node, tile, attempt, bytes: 4 }, &[]).expect("open");
@@ -211,7 +212,7 @@ fn who_asks_for_what_is_not_his_is_told_named_and_dropped() {
     let mut bus = TestBus::loaded();
     for (role, request, bulk, expected) in [
         (Role::Node(NodeId(4)), MemoryRequest::Store { address: Address(0) }, &[][..], "a store is not for this"),
-        (Role::Master, fetch(0, 64, 1), &[], "a fetch is not for this"),
+        (Role::Master(ClusterId(0)), fetch(0, 64, 1), &[], "a fetch is not for this"),
         (Role::Node(NodeId(4)), fetch(IMAGE_BYTES as u64, 64, 1), &[], "outside of the image"),
         (Role::Node(NodeId(4)), fetch(32, 64, 1), &[], "a multiple of its line"),
     ] {

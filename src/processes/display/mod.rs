@@ -57,11 +57,11 @@ pub async fn run(child: Child) -> Result<(), DisplayError> {
 async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayError> {
     let configuration = match link.commands.recv().await {
         Some(DisplayCommand::Configure(configuration)) => configuration,
-        Some(DisplayCommand::Finish) => return Err(DisplayError::NotConfigured),
+        Some(_) => return Err(DisplayError::NotConfigured),
         None => return Err(DisplayError::ManagerGone),
     };
     let state = State::new(&configuration).map_err(|error| DisplayError::Failed(error.to_string()))?;
-    let listener = Listener::bind(link.interface, child.bootstrap.token, |role, _| match role {
+    let listener = Listener::bind(link.interface, child.credentials(), |role, _| match role {
         Role::Node(_) => Ok(()),
         _ => Err("a node".to_owned()),
     })
@@ -121,7 +121,7 @@ impl Shell {
                 biased;
                 command = link.commands.recv() => match command {
                     Some(DisplayCommand::Finish) => return self.write(configuration).await,
-                    Some(DisplayCommand::Configure(_)) => {
+                    Some(DisplayCommand::Configure(_) | DisplayCommand::Revoke(_)) => {
                         self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
                     }
                     None => return Err(DisplayError::ManagerGone),

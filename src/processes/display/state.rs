@@ -118,6 +118,9 @@ mod tests {
         State::new(&DisplayConfiguration {
             tiling: Tiling { width: 5, height: 4, tile_width: 3, tile_height: 2 },
             aov: AovSet { depth: true, ..AovSet::default() },
+            journal: "tiles".into(),
+            resume: false,
+            fingerprint: [0; 32],
             image: "image.png".into(),
             exr: false,
         })

@@ -10,9 +10,9 @@ use tokio::sync::mpsc;
 use super::process::{Command, ProcessId, Report};
 use super::state::Event;
 use crate::codec::Message;
-use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender};
+use crate::protocol::connection::{Connection, ConnectionError, Credentials, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{BusCommand, DisplayCommand, MasterCommand, NodeCommand};
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::Role;
 
 /// Commands that were not written yet. A process that reads has a few at most.
 const COMMANDS_MAX: usize = 256;
@@ -38,14 +38,14 @@ impl ControlPort {
     ///
     /// # Errors
     /// No port is free.
-    pub(super) async fn bind(token: RunToken, events: mpsc::Sender<Event>) -> io::Result<Self> {
+    pub(super) async fn bind(credentials: Credentials, events: mpsc::Sender<Event>) -> io::Result<Self> {
         let expected = Arc::new(Mutex::new(HashSet::new()));
         let places = Arc::clone(&expected);
         let admits = move |role, epoch| {
             let taken = lock(&places).remove(&ProcessId { role, epoch });
             if taken { Ok(()) } else { Err("a process of this run that has just been started".to_owned()) }
         };
-        let listener = Listener::bind(Ipv4Addr::LOCALHOST.into(), token, admits).await?;
+        let listener = Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials, admits).await?;
         Ok(Self { listener, expected, queues: HashMap::new(), events })
     }
 
@@ -70,8 +70,8 @@ impl ControlPort {
         let id = ProcessId { role: peer.role, epoch: peer.epoch };
         let events = self.events.clone();
         let queue = match peer.role {
-            Role::Bus => Queue::Bus(converse(id, connection, events, Report::Bus)),
-            Role::Master => Queue::Master(converse(id, connection, events, Report::Master)),
+            Role::Bus(_) => Queue::Bus(converse(id, connection, events, Report::Bus)),
+            Role::Master(_) => Queue::Master(converse(id, connection, events, Report::Master)),
             Role::Node(_) => Queue::Node(converse(id, connection, events, Report::Node)),
             Role::Display => Queue::Display(converse(id, connection, events, Report::Display)),
             Role::Manager => return Event::Refused(format!("{peer} is no child of this manager")),

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::Interrupt;
 use super::process::{Process, ProcessId, Stage};
 use super::state::{Phase, State};
+use crate::ids::ClusterId;
 use crate::protocol::hello::Role;
 
 /// From a signal until everybody is killed: all must be over within two seconds.
@@ -101,12 +102,12 @@ impl State {
             }
             let next = match step {
                 Step::Nodes => {
-                    self.finish_or_kill(Role::Master);
+                    self.finish_or_kill(Role::Master(ClusterId(0)));
                     self.finish_or_kill(Role::Display);
                     Step::Master
                 }
                 Step::Master => {
-                    self.finish_or_kill(Role::Bus);
+                    self.finish_or_kill(Role::Bus(ClusterId(0)));
                     Step::Books
                 }
                 Step::Books => Step::Farewell,
@@ -184,7 +185,7 @@ fn keeps_waiting(process: &Process, step: Step) -> bool {
     let open = process.stage < Stage::Finished;
     match step {
         Step::Nodes => process.id.node().is_some(),
-        Step::Master => process.id.role == Role::Master && open,
+        Step::Master => process.id.role == Role::Master(ClusterId(0)) && open,
         Step::Books => open,
         Step::Farewell => true,
     }

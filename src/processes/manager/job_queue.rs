@@ -107,7 +107,7 @@ impl JobQueue {
             tile.place = Place::Out;
             self.wanted -= 1;
             self.reissued += u64::from(tile.attempt > Attempt(0));
-            grants.push(TileGrant { tile: id, attempt: tile.attempt, node: lane.node });
+            grants.push(TileGrant { tile: id, attempt: tile.attempt, node: lane.node, except: Vec::new() });
         }
         grants
     }

@@ -30,6 +30,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use sha2::{Digest, Sha256};
+
 use self::ending::Cause;
 use self::executables::Executables;
 pub use self::executables::MissingExecutable;
@@ -37,7 +39,8 @@ use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
 use crate::chaos;
-use crate::preparation::{PreparationError, prepare_topology};
+use crate::preparation::{PreparationError, Prepared, prepare_topology};
+use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
@@ -170,6 +173,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         aov: request.aov,
         exr: request.exr,
         record_references: request.record_references,
+        journal: folder.journal(),
+        fingerprint: fingerprint(&prepared),
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -177,7 +182,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         start,
         executables,
         logs: folder.logs(),
-        token: secret()?,
+        credentials: Credentials::plain(secret()?),
         words: Arc::clone(&database.words),
         quiet: request.quiet,
         faults,
@@ -208,7 +213,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
 }
 
 fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
-    let cast = chaos::Cast { clusters: 1, nodes: request.topology.cluster.nodes };
+    let cluster = &request.topology.cluster;
+    let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
     request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
 }
 
@@ -219,6 +225,14 @@ fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunErr
         return Err(RunError::TooManyTiles { tiles });
     }
     Ok(Tiling { width, height, tile_width, tile_height })
+}
+
+/// SHA-256 of all that decides the image's bits: the database, the view and its settings.
+fn fingerprint(prepared: &Prepared) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(prepared.database.database().bytes());
+    hash.update(format!("{:?}", prepared.view));
+    hash.finalize().into()
 }
 
 fn secret() -> Result<RunToken, RunError> {

@@ -45,6 +45,11 @@ impl OutputFolder {
         self.root.join("report.json")
     }
 
+    /// The display's journal.
+    pub(super) fn journal(&self) -> PathBuf {
+        self.root.join("tiles")
+    }
+
     pub(super) fn recording(&self) -> PathBuf {
         self.root.join("recording")
     }

@@ -23,6 +23,10 @@ pub(super) struct Plan {
     pub(super) aov: AovSet,
     pub(super) exr: bool,
     pub(super) record_references: bool,
+    /// The file of the display's journal.
+    pub(super) journal: PathBuf,
+    /// Of scene and image settings.
+    pub(super) fingerprint: [u8; 32],
     /// The image file.
     pub(super) image: PathBuf,
     /// The folder of the recording.
@@ -38,26 +42,28 @@ pub(super) struct Addresses {
 }
 
 impl Plan {
-    pub(super) fn configure_bus(&self) -> BusCommand {
+    pub(super) fn configure_bus(&self, cluster: ClusterId) -> BusCommand {
         BusCommand::Configure(BusConfiguration {
-            cluster: ClusterId(0),
+            cluster,
             arbiter: self.cluster.bus.arbiter,
             layout: self.header.layout.clone(),
             recording: self.recording.clone(),
         })
     }
 
-    pub(super) fn configure_master(&self, bus: SocketAddr) -> MasterCommand {
+    pub(super) fn configure_master(&self, cluster: ClusterId, bus: SocketAddr) -> MasterCommand {
         MasterCommand::Configure(MasterConfiguration {
             bus,
+            first_node: self.cluster.first_node(cluster),
             nodes: self.cluster.nodes,
             assignment: self.run.assignment,
             tile_deadline_milliseconds: u64::try_from(self.run.deadlines.tile.as_millis()).unwrap_or(u64::MAX),
         })
     }
 
-    pub(super) fn configure_node(&self, addresses: Addresses) -> NodeCommand {
+    pub(super) fn configure_node(&self, cluster: ClusterId, addresses: Addresses) -> NodeCommand {
         NodeCommand::Configure(Box::new(NodeConfiguration {
+            cluster,
             master: addresses.master,
             bus: addresses.bus,
             display: addresses.display,
@@ -76,6 +82,9 @@ impl Plan {
         DisplayCommand::Configure(DisplayConfiguration {
             tiling: self.tiling,
             aov: self.aov,
+            journal: self.journal.clone(),
+            resume: false,
+            fingerprint: self.fingerprint,
             image: self.image.clone(),
             exr: self.exr,
         })

@@ -32,8 +32,8 @@ impl ProcessId {
     pub(super) fn program(self) -> &'static str {
         match self.role {
             Role::Manager => "marti",
-            Role::Bus => "marti-bus",
-            Role::Master => "marti-master",
+            Role::Bus(_) => "marti-bus",
+            Role::Master(_) => "marti-master",
             Role::Node(_) => "marti-node",
             Role::Display => "marti-display",
         }

@@ -78,7 +78,7 @@ pub(super) fn seconds(duration: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ids::NodeId;
+    use crate::ids::{ClusterId, NodeId};
     use crate::processes::manager::sample;
 
     /// Deadlines: startup 10 s, heartbeat 5 s, tile 60 s.
@@ -96,15 +96,18 @@ mod tests {
     #[test]
     fn each_deadline_is_kept() {
         let node = Role::Node(NodeId(1));
-        assert_eq!(overdue_at(10, Role::Bus, Stage::Spawned, 0, None), None);
-        assert_eq!(overdue_at(11, Role::Bus, Stage::Spawned, 0, None).as_deref(), Some("did not connect within 10 s"));
+        assert_eq!(overdue_at(10, Role::Bus(ClusterId(0)), Stage::Spawned, 0, None), None);
         assert_eq!(
-            overdue_at(11, Role::Bus, Stage::Connected, 11, None).as_deref(),
+            overdue_at(11, Role::Bus(ClusterId(0)), Stage::Spawned, 0, None).as_deref(),
+            Some("did not connect within 10 s")
+        );
+        assert_eq!(
+            overdue_at(11, Role::Bus(ClusterId(0)), Stage::Connected, 11, None).as_deref(),
             Some("did not listen within 10 s")
         );
         assert_eq!(overdue_at(11, node, Stage::Connected, 11, None), None, "it waits for the servers");
         assert_eq!(overdue_at(61, node, Stage::Serving, 61, None).as_deref(), Some("took no tile within 60 s"));
-        assert_eq!(overdue_at(61, Role::Bus, Stage::Serving, 61, None), None);
+        assert_eq!(overdue_at(61, Role::Bus(ClusterId(0)), Stage::Serving, 61, None), None);
         assert_eq!(overdue_at(99, node, Stage::Working, 94, None), None);
         let silent = overdue_at(99, node, Stage::Working, 93, None);
         assert_eq!(silent.as_deref(), Some("was silent for more than 5 s"));

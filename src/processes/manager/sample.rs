@@ -19,7 +19,7 @@ pub(super) fn run() -> Run {
         heartbeat: Duration::from_secs(5),
         tile: Duration::from_secs(60),
     };
-    Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, deadlines }
+    Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, verify: 0.0, deadlines }
 }
 
 /// An image of `tiles` tiles.
@@ -29,7 +29,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
     let image = ImageSettings { width: tiles, height: 1, depth: 4, cutoff: 0.0 };
     let layout = Layout::new([8; Section::COUNT]).expect("small");
     Plan {
-        cluster: Cluster { nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT },
+        cluster: Cluster { count: 1, nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT },
         octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
         run: run(),
         header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },
@@ -38,6 +38,8 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         aov: AovSet::default(),
         exr: false,
         record_references: false,
+        journal: "out/tiles".into(),
+        fingerprint: [0; 32],
         image: "out/image.png".into(),
         recording: "out/recording".into(),
     }

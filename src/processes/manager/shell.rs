@@ -18,9 +18,11 @@ use super::plan::Plan;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::chaos::{self, Fault};
+use crate::ids::ClusterId;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::connection::Credentials;
+use crate::protocol::hello::Role;
 use crate::report::Chaos;
 
 /// How often deadlines are looked at.
@@ -34,7 +36,7 @@ pub(super) struct Run {
     pub(super) executables: Executables,
     /// The folder of the logs.
     pub(super) logs: PathBuf,
-    pub(super) token: RunToken,
+    pub(super) credentials: Credentials,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
     /// No progress.
@@ -62,7 +64,7 @@ struct Shell {
     events: mpsc::Sender<Event>,
     /// Until it is loaded into the bus.
     words: Option<Arc<Vec<u32>>>,
-    token: RunToken,
+    credentials: Credentials,
     upload_deadline: Duration,
 }
 
@@ -76,7 +78,9 @@ impl Run {
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
-        let port = ControlPort::bind(self.token, sender.clone()).await.map_err(|error| system("free port", error))?;
+        let port = ControlPort::bind(self.credentials.clone(), sender.clone())
+            .await
+            .map_err(|error| system("free port", error))?;
         let mut shell = Shell::new(&self, &plan, port, sender);
         let (mut state, actions) = State::start(plan);
         let mut progress = Progress::new(self.quiet, state.queue.total());
@@ -121,7 +125,7 @@ impl Shell {
         let children = Children {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
-            token: run.token,
+            token: run.credentials.token,
             heartbeat_deadline: deadlines.heartbeat,
             events: events.clone(),
             alive: HashMap::new(),
@@ -133,7 +137,7 @@ impl Shell {
             children,
             events,
             words: Some(Arc::clone(&run.words)),
-            token: run.token,
+            credentials: run.credentials.clone(),
             upload_deadline: deadlines.startup,
         }
     }
@@ -157,7 +161,7 @@ impl Shell {
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
                 Action::Upload(bus) => {
-                    let bus = self.disturbance.route(Role::Manager, Role::Bus, bus);
+                    let bus = self.disturbance.route(Role::Manager, Role::Bus(ClusterId(0)), bus);
                     self.upload(bus);
                 }
             }
@@ -176,9 +180,9 @@ impl Shell {
     fn upload(&mut self, bus: SocketAddr) {
         let Some(words) = self.words.take() else { return };
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let token = self.token;
+        let credentials = self.credentials.clone();
         tokio::spawn(async move {
-            let loaded = upload(bus, token, bytemuck::cast_slice(&words), deadline).await;
+            let loaded = upload(bus, &credentials, bytemuck::cast_slice(&words), deadline).await;
             // An error means that the manager has ended.
             let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
         });
@@ -186,8 +190,8 @@ impl Shell {
 }
 
 /// `deadline` is for each piece.
-async fn upload(bus: SocketAddr, token: RunToken, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(bus, token, deadline).await?;
+async fn upload(bus: SocketAddr, credentials: &Credentials, image: &[u8], deadline: Duration) -> Result<(), String> {
+    let mut loader = Loader::connect(ClusterId(0), bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())

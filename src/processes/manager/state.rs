@@ -13,7 +13,7 @@ use super::ledger::Ledger;
 use super::plan::{Addresses, Plan};
 use super::process::{Command, Process, ProcessId, Report, Stage};
 use super::process_table::{ProcessTable, seconds};
-use crate::ids::{Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, NodeId};
 use crate::protocol::control::{
     BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand, NodeReport,
 };
@@ -102,7 +102,7 @@ impl State {
             now: Duration::ZERO,
             actions: Vec::new(),
         };
-        let roles = [Role::Bus, Role::Display, Role::Master].into_iter();
+        let roles = [Role::Bus(ClusterId(0)), Role::Display, Role::Master(ClusterId(0))].into_iter();
         for role in roles.chain((0..nodes).map(|node| Role::Node(NodeId(node)))) {
             state.spawn(ProcessId::first(role));
         }
@@ -142,9 +142,9 @@ impl State {
         process.enter(Stage::Connected, now);
         process.last_sign = now;
         match id.role {
-            Role::Bus => self.tell(id, Command::Bus(self.plan.configure_bus())),
+            Role::Bus(_) => self.tell(id, Command::Bus(self.plan.configure_bus(ClusterId(0)))),
             Role::Display => self.tell(id, Command::Display(self.plan.configure_display())),
-            Role::Master => self.configure_master(),
+            Role::Master(_) => self.configure_master(),
             Role::Node(_) => self.configure_node(id),
             Role::Manager => {}
         }
@@ -172,6 +172,7 @@ impl State {
                 process.enter(Stage::Finished, self.now);
                 self.ledger.bus = Some(totals);
             }
+            Report::Display(DisplayReport::Restored(_) | DisplayReport::Compared(_) | DisplayReport::Revoked(_)) => {}
             Report::Display(DisplayReport::Listening(address)) => {
                 process.enter(Stage::Serving, self.now);
                 self.display = Some(address);
@@ -233,9 +234,9 @@ impl State {
 
     /// Once it is connected and the bus listens.
     fn configure_master(&mut self) {
-        let id = ProcessId::first(Role::Master);
+        let id = ProcessId::first(Role::Master(ClusterId(0)));
         if let Some(bus) = self.bus {
-            self.tell(id, Command::Master(self.plan.configure_master(bus)));
+            self.tell(id, Command::Master(self.plan.configure_master(ClusterId(0), bus)));
         }
     }
 
@@ -247,7 +248,7 @@ impl State {
             return;
         };
         let addresses = Addresses { bus, master, display };
-        self.tell(id, Command::Node(self.plan.configure_node(addresses)));
+        self.tell(id, Command::Node(self.plan.configure_node(ClusterId(0), addresses)));
         self.enter(id, Stage::Serving);
     }
 
@@ -359,16 +360,16 @@ impl State {
 
     /// A master that does not serve yet has handed nothing out: there is nothing to tell it.
     fn tell_master(&mut self, command: MasterCommand) {
-        if self.table.holder(Role::Master).is_some_and(|master| master.stage == Stage::Serving) {
-            self.tell(ProcessId::first(Role::Master), Command::Master(command));
+        if self.table.holder(Role::Master(ClusterId(0))).is_some_and(|master| master.stage == Stage::Serving) {
+            self.tell(ProcessId::first(Role::Master(ClusterId(0))), Command::Master(command));
         }
     }
 
     /// Tells a process to come to its end, in its own words.
     pub(super) fn tell_to_finish(&mut self, id: ProcessId) {
         let command = match id.role {
-            Role::Bus => Command::Bus(BusCommand::Finish { lost: self.ledger.lost.clone() }),
-            Role::Master => Command::Master(MasterCommand::Finish),
+            Role::Bus(_) => Command::Bus(BusCommand::Finish { lost: self.ledger.lost.clone() }),
+            Role::Master(_) => Command::Master(MasterCommand::Finish),
             Role::Node(_) => Command::Node(NodeCommand::Finish),
             Role::Display => Command::Display(DisplayCommand::Finish),
             Role::Manager => return,

@@ -8,7 +8,7 @@ use super::ending::Cause;
 use super::process::{Command, ProcessId, Report};
 use super::sample;
 use super::state::{Action, Event, State};
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::control::{
     BusCommand, BusReport, BusTotals, DisplayCommand, DisplayReport, DisplayTotals, LostAttempt, MasterCommand,
     MasterReport, MasterTotals, NodeCommand, NodeReport, TileGrant,
@@ -17,8 +17,8 @@ use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
 use crate::tracer::TraceStats;
 
-const BUS: ProcessId = ProcessId { role: Role::Bus, epoch: Epoch(0) };
-const MASTER: ProcessId = ProcessId { role: Role::Master, epoch: Epoch(0) };
+const BUS: ProcessId = ProcessId { role: Role::Bus(ClusterId(0)), epoch: Epoch(0) };
+const MASTER: ProcessId = ProcessId { role: Role::Master(ClusterId(0)), epoch: Epoch(0) };
 const DISPLAY: ProcessId = ProcessId { role: Role::Display, epoch: Epoch(0) };
 
 struct Stage {
@@ -100,8 +100,8 @@ impl Stage {
     fn heartbeats(&mut self, ids: &[ProcessId]) {
         for &id in ids {
             let report = match id.role {
-                Role::Bus => Report::Bus(BusReport::Heartbeat),
-                Role::Master => Report::Master(MasterReport::Heartbeat),
+                Role::Bus(ClusterId(0)) => Report::Bus(BusReport::Heartbeat),
+                Role::Master(ClusterId(0)) => Report::Master(MasterReport::Heartbeat),
                 Role::Display => Report::Display(DisplayReport::Heartbeat),
                 _ => Report::Node(NodeReport::Heartbeat),
             };
@@ -183,7 +183,7 @@ fn a_dead_nodes_tiles_are_issued_again_and_its_place_is_taken() {
 
     let lost = |tile| LostAttempt { node: NodeId(1), tile: TileId(tile), attempt: Attempt(0) };
     assert!(stage.master(MasterReport::Lost(vec![lost(2), lost(3)])).is_empty(), "none are wanted yet");
-    let grant = |tile| TileGrant { tile: TileId(tile), attempt: Attempt(1), node: None };
+    let grant = |tile| TileGrant { tile: TileId(tile), attempt: Attempt(1), node: None, except: Vec::new() };
     let tiles = to_master(MasterCommand::Tiles(vec![grant(3), grant(2)]));
     assert_eq!(stage.master(MasterReport::TilesWanted(2)), [tiles]);
     assert_eq!((stage.state.queue.reissued(), stage.state.ledger.lost.len()), (2, 2));

@@ -48,7 +48,8 @@ pub(super) enum Action {
 pub(super) struct State {
     /// From a tile's issue to its completion.
     tile_deadline: Duration,
-    /// By node id.
+    /// In order of node ids, from this one on.
+    first_node: NodeId,
     seats: Vec<Seat>,
     queue: VecDeque<TileGrant>,
     /// Nodes that can take a tile, one entry for each tile, longest waiting first.
@@ -65,6 +66,7 @@ impl State {
     pub(super) fn new(configuration: &MasterConfiguration) -> Self {
         Self {
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
+            first_node: configuration.first_node,
             seats: (0..configuration.nodes).map(|_| Seat::default()).collect(),
             queue: VecDeque::new(),
             waiting: VecDeque::new(),
@@ -107,7 +109,8 @@ impl State {
     }
 
     fn connected(&mut self, process: NodeProcess) {
-        let Some(seat) = self.seats.get(usize::from(process.node.0)) else { return };
+        let Some(place) = self.place(process.node) else { return };
+        let seat = &self.seats[place];
         if seat.epoch.is_some_and(|current| process.epoch <= current) {
             return self.dismiss(process, "has a successor, or came twice");
         }
@@ -115,7 +118,7 @@ impl State {
         if let Some(epoch) = seat.epoch {
             self.lose(NodeProcess { epoch, ..process });
         }
-        self.seats[usize::from(process.node.0)] = Seat::taken_by(process.epoch);
+        self.seats[place] = Seat::taken_by(process.epoch);
     }
 
     fn disconnected(&mut self, process: NodeProcess) {
@@ -164,9 +167,8 @@ impl State {
     }
 
     fn report_late(&mut self, now: Duration) {
-        for (node, seat) in self.seats.iter_mut().enumerate() {
+        for (node, seat) in (self.first_node.0..).map(NodeId).zip(&mut self.seats) {
             if let (Some(epoch), Some(tile)) = (seat.epoch, seat.late_tile(now, self.tile_deadline)) {
-                let node = NodeId(node as u16);
                 self.actions.push(Action::Report(MasterReport::Late { node, epoch, tile }));
             }
         }
@@ -175,9 +177,9 @@ impl State {
     fn finish(&mut self) {
         self.queue.clear();
         self.waiting.clear();
-        for node in 0..self.seats.len() {
-            if let Some(epoch) = self.seats[node].epoch {
-                self.lose(NodeProcess { node: NodeId(node as u16), epoch });
+        for (node, place) in (self.first_node.0..).map(NodeId).zip(0..self.seats.len()) {
+            if let Some(epoch) = self.seats[place].epoch {
+                self.lose(NodeProcess { node, epoch });
             }
         }
         self.actions.push(Action::End(self.totals));
@@ -187,7 +189,8 @@ impl State {
     fn hand_out(&mut self, now: Duration) {
         let mut next = 0;
         while let Some(&node) = self.waiting.get(next) {
-            let may_trace = |grant: &TileGrant| grant.node.is_none_or(|only| only == node);
+            let may_trace =
+                |grant: &TileGrant| grant.node.is_none_or(|only| only == node) && !grant.except.contains(&node);
             let Some(grant) = self.queue.iter().position(may_trace).and_then(|place| self.queue.remove(place)) else {
                 next += 1;
                 continue;
@@ -198,7 +201,7 @@ impl State {
     }
 
     fn hand(&mut self, now: Duration, node: NodeId, TileGrant { tile, attempt, .. }: TileGrant) {
-        let Some(seat) = self.seats.get_mut(usize::from(node.0)) else { return };
+        let Some(seat) = self.place(node).map(|place| &mut self.seats[place]) else { return };
         let Some(epoch) = seat.epoch else { return };
         seat.held.push(Held { tile, attempt, since: now });
         let announce = !std::mem::replace(&mut seat.announced, true);
@@ -223,8 +226,13 @@ impl State {
 
     /// The seat of a process as long as no successor sits there.
     fn seat(&mut self, process: NodeProcess) -> Option<&mut Seat> {
-        let seat = self.seats.get_mut(usize::from(process.node.0));
+        let seat = self.place(process.node).map(|place| &mut self.seats[place]);
         seat.filter(|seat| seat.epoch == Some(process.epoch))
+    }
+
+    fn place(&self, node: NodeId) -> Option<usize> {
+        let place = usize::from(node.0.checked_sub(self.first_node.0)?);
+        (place < self.seats.len()).then_some(place)
     }
 
     fn stop_waiting(&mut self, node: NodeId) {
@@ -258,6 +266,7 @@ mod tests {
     fn state(nodes: u16) -> State {
         let mut state = State::new(&MasterConfiguration {
             bus: ([127, 0, 0, 1], 1).into(),
+            first_node: NodeId(0),
             nodes,
             assignment: Assignment::OnDemand,
             tile_deadline_milliseconds: 1000,
@@ -281,6 +290,7 @@ mod tests {
             tile: TileId(tile),
             attempt: Attempt(0),
             node: node.map(NodeId),
+            except: Vec::new(),
         };
         command(state, MasterCommand::Tiles(tiles.into_iter().map(grant).collect()))
     }
@@ -345,6 +355,7 @@ mod tests {
     fn the_manager_is_asked_ahead_and_in_handfuls() {
         let mut state = State::new(&MasterConfiguration {
             bus: ([127, 0, 0, 1], 1).into(),
+            first_node: NodeId(0),
             nodes: 2,
             assignment: Assignment::OnDemand,
             tile_deadline_milliseconds: 1000,

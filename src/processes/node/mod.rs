@@ -21,10 +21,10 @@ use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
-use crate::ids::NodeId;
-use crate::protocol::connection::{ConnectionError, Receiver, Sender, connect};
+use crate::ids::{ClusterId, NodeId};
+use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -85,9 +85,9 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
     let configuration = match link.commands.recv().await {
         Some(NodeCommand::Configure(configuration)) => *configuration,
         Some(NodeCommand::Corrupt | NodeCommand::Finish) => return Ok(()),
-        None => return Err(NodeError::Orphaned),
+        Some(NodeCommand::Display(_)) | None => return Err(NodeError::Orphaned),
     };
-    let mut shell = Shell::start(configuration, child.hello(), link.reports.clone()).await?;
+    let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
@@ -96,6 +96,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
                     shell.corruption = Some(Corruption::of(child.bootstrap.role));
                     continue;
                 }
+                Some(NodeCommand::Display(_)) => continue,
                 Some(NodeCommand::Configure(_)) => {
                     tracing::warn!("configured twice: the second is not heeded");
                     continue;
@@ -110,6 +111,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
 
 /// The sources of events, and what is done about them.
 struct Shell {
+    cluster: ClusterId,
     state: State,
     tracer: Tracer,
     to_master: Sender<WorkRequest>,
@@ -127,18 +129,29 @@ struct Shell {
 impl Shell {
     async fn start(
         configuration: NodeConfiguration,
-        hello: Hello,
+        introduction: Introduction,
         reports: mpsc::Sender<NodeReport>,
     ) -> Result<Self, NodeError> {
-        let master = connect(Role::Master, configuration.master, &hello, CONNECT_DEADLINE).await?;
-        let display = connect(Role::Display, configuration.display, &hello, CONNECT_DEADLINE).await?;
+        let master =
+            connect(Role::Master(configuration.cluster), configuration.master, &introduction, CONNECT_DEADLINE).await?;
+        let display = connect(Role::Display, configuration.display, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
         let (to_display, from_display) = display.split();
+        let cluster = configuration.cluster;
         let state = State::new(configuration.tiling);
-        let tracer = Tracer::start(configuration, hello)?;
-        let late = Instant::now();
-        let corruption = None;
-        Ok(Self { state, tracer, to_master, from_master, to_display, from_display, reports, late, corruption })
+        let tracer = Tracer::start(configuration, introduction)?;
+        Ok(Self {
+            cluster,
+            state,
+            tracer,
+            to_master,
+            from_master,
+            to_display,
+            from_display,
+            reports,
+            late: Instant::now(),
+            corruption: None,
+        })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
@@ -153,7 +166,7 @@ impl Shell {
             },
             reply = self.from_master.receive() => match reply? {
                 Some(WorkReply::Job { tile, attempt }) => Ok(Event::Job { tile, attempt }),
-                None => Err(NodeError::Left(Role::Master)),
+                None => Err(NodeError::Left(Role::Master(self.cluster))),
             },
             reply = receive_until(&mut self.from_display, late) => match reply? {
                 Some(ImageReply::Acknowledged { tile, attempt }) => Ok(Event::Acknowledged { tile, attempt }),

@@ -12,10 +12,10 @@ use tokio::time::timeout;
 use super::*;
 use crate::database::Database;
 use crate::database::verify::Verified;
-use crate::ids::{Address, Attempt, Epoch, TileId};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::transaction::FetchRequest;
-use crate::protocol::connection::Listener;
+use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
@@ -73,7 +73,7 @@ fn expected(database: &Verified) -> Vec<Vec<u8>> {
 }
 
 async fn listen() -> Listener {
-    Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())).await.expect("loopback")
+    Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials::plain(TOKEN), |_, _| Ok(())).await.expect("loopback")
 }
 
 /// What the bus was asked for.
@@ -191,6 +191,7 @@ async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, N
 fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3]) -> NodeConfiguration {
     let [master, bus, display] = servers.map(Listener::address);
     NodeConfiguration {
+        cluster: ClusterId(0),
         master,
         bus,
         display,

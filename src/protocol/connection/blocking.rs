@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use super::handshake::judge_reply;
 use super::read_buffer::{ReadBuffer, would_block};
-use super::{ConnectionError, Fault, READ_BYTES, WRITE_DEADLINE};
+use super::{ConnectionError, Fault, Introduction, READ_BYTES, WRITE_DEADLINE};
 use crate::codec::{self, Message};
-use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloReply, Role};
+use crate::protocol::hello::{HELLO_BYTES_MAX, HelloReply, Role};
 
 /// Sends `Out`, receives `In`. One write and one read a round trip where the frames are small; nothing is
 /// allocated once the buffers have grown to the largest frame.
@@ -34,14 +34,19 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     pub fn connect(
         role: Role,
         address: SocketAddr,
-        hello: &Hello,
+        introduction: &Introduction,
         deadline: Duration,
     ) -> Result<Self, ConnectionError> {
         let peer: Arc<str> = format!("{role} at {address}").into();
-        Self::introduce(address, hello, deadline, &peer).map_err(|fault| fault.of(&peer))
+        Self::introduce(address, introduction, deadline, &peer).map_err(|fault| fault.of(&peer))
     }
 
-    fn introduce(address: SocketAddr, hello: &Hello, deadline: Duration, peer: &Arc<str>) -> Result<Self, Fault> {
+    fn introduce(
+        address: SocketAddr,
+        introduction: &Introduction,
+        deadline: Duration,
+        peer: &Arc<str>,
+    ) -> Result<Self, Fault> {
         let stream = TcpStream::connect_timeout(&address, deadline).map_err(Fault::Io)?;
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(deadline))?;
@@ -50,7 +55,7 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
             stream,
             peer: Arc::clone(peer),
             deadline,
-            outgoing: codec::encode(hello, &[])?,
+            outgoing: codec::encode(&introduction.hello, &[])?,
             incoming: ReadBuffer::with_room(READ_BYTES),
             messages: PhantomData,
         };

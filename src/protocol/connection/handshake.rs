@@ -10,7 +10,7 @@ use futures_util::StreamExt;
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::{Connection, ConnectionError, Fault, write_frame};
+use super::{Connection, ConnectionError, Credentials, Fault, Introduction, write_frame};
 use crate::codec::{self, Message};
 use crate::ids::Epoch;
 use crate::protocol::hello::{Hello, HelloPrelude, HelloReply, MAGIC, PROTOCOL_VERSION, Role, RunToken};
@@ -39,11 +39,11 @@ impl fmt::Display for Peer {
 pub async fn connect(
     role: Role,
     address: SocketAddr,
-    hello: &Hello,
+    introduction: &Introduction,
     deadline: Duration,
 ) -> Result<Connection, ConnectionError> {
     let peer: Arc<str> = format!("{role} at {address}").into();
-    match timeout(deadline, introduce(address, hello, deadline, &peer)).await {
+    match timeout(deadline, introduce(address, introduction, deadline, &peer)).await {
         Ok(introduced) => introduced.map_err(|fault| fault.of(&peer)),
         Err(_) => Err(Fault::Silent { awaited: HelloReply::NAME, deadline }.of(&peer)),
     }
@@ -51,13 +51,13 @@ pub async fn connect(
 
 async fn introduce(
     address: SocketAddr,
-    hello: &Hello,
+    introduction: &Introduction,
     deadline: Duration,
     peer: &Arc<str>,
 ) -> Result<Connection, Fault> {
     let stream = TcpStream::connect(address).await.map_err(Fault::Io)?;
     let mut connection = Connection::new(stream, Arc::clone(peer))?;
-    write_frame(&mut connection.writer, codec::encode(hello, &[])?.as_slice(), deadline).await?;
+    write_frame(&mut connection.writer, codec::encode(&introduction.hello, &[])?.as_slice(), deadline).await?;
     let frame = next_frame(&mut connection).await?;
     judge_reply(&frame)?;
     Ok(connection)
@@ -82,7 +82,7 @@ async fn next_frame(connection: &mut Connection) -> Result<BytesMut, Fault> {
 /// token, or not admitted. The error names its address and what was expected.
 pub async fn accept(
     stream: TcpStream,
-    token: &RunToken,
+    credentials: &Credentials,
     admits: impl Fn(Role, Epoch) -> Result<(), String>,
     deadline: Duration,
 ) -> Result<(Peer, Connection), ConnectionError> {
@@ -95,7 +95,7 @@ pub async fn accept(
         let address = address?;
         let mut connection = Connection::new(stream, Arc::clone(&unknown))?;
         let hello = match timeout(deadline, next_frame(&mut connection)).await {
-            Ok(frame) => frame.and_then(|frame| judge(&frame, token, admits)),
+            Ok(frame) => frame.and_then(|frame| judge(&frame, &credentials.token, admits)),
             Err(_) => Err(Fault::Silent { awaited: "a hello", deadline }),
         };
         let reply = match &hello {

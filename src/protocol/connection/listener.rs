@@ -9,9 +9,9 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
 use super::handshake::{HELLO_DEADLINE, Peer, accept};
-use super::{Connection, ConnectionError};
+use super::{Connection, ConnectionError, Credentials};
 use crate::ids::Epoch;
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::Role;
 
 /// Connections that have not said hello yet; further ones wait in the system's queue.
 const STRANGERS_MAX: usize = 64;
@@ -38,10 +38,10 @@ impl Listener {
     /// The interface cannot be bound.
     pub async fn bind(
         interface: IpAddr,
-        token: RunToken,
+        credentials: Credentials,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
-        Self::bind_to((interface, 0).into(), token, admits).await
+        Self::bind_to((interface, 0).into(), credentials, admits).await
     }
 
     /// As [`Self::bind`], with a port that somebody chose; 0 is a free one.
@@ -50,13 +50,13 @@ impl Listener {
     /// The address cannot be bound.
     pub async fn bind_to(
         address: SocketAddr,
-        token: RunToken,
+        credentials: Credentials,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
         let listener = TcpListener::bind(address).await?;
         let address = listener.local_addr()?;
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
-        tokio::spawn(accept_until_dropped(listener, sender, token, Arc::new(admits)));
+        tokio::spawn(accept_until_dropped(listener, sender, Arc::new(credentials), Arc::new(admits)));
         Ok(Self { address, arrivals })
     }
 
@@ -78,7 +78,7 @@ impl Listener {
 async fn accept_until_dropped<A>(
     listener: TcpListener,
     arrivals: mpsc::Sender<Arrival>,
-    token: RunToken,
+    credentials: Arc<Credentials>,
     admits: Arc<A>,
 ) where
     A: Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
@@ -89,9 +89,9 @@ async fn accept_until_dropped<A>(
             () = arrivals.closed() => return,
             next = next_stranger(&listener, &strangers) => {
                 let (stream, permit) = next;
-                let (arrivals, admits) = (arrivals.clone(), Arc::clone(&admits));
+                let (arrivals, credentials, admits) = (arrivals.clone(), Arc::clone(&credentials), Arc::clone(&admits));
                 tokio::spawn(async move {
-                    let arrival = accept(stream, &token, &*admits, HELLO_DEADLINE).await;
+                    let arrival = accept(stream, &credentials, &*admits, HELLO_DEADLINE).await;
                     drop(permit);
                     // An error means that the listener was dropped meanwhile.
                     let _ = arrivals.send(arrival).await;

@@ -4,9 +4,11 @@
 //! write has a deadline; a read has one where the caller names it.
 
 pub mod blocking;
+pub mod credentials;
 pub mod handshake;
 pub mod listener;
 pub mod read_buffer;
+pub mod tls;
 
 use std::io;
 use std::marker::PhantomData;
@@ -23,8 +25,10 @@ use tokio::time::timeout;
 use tokio_util::codec::{Decoder, FramedRead};
 
 pub use blocking::BlockingConnection;
+pub use credentials::{Credentials, Introduction};
 pub use handshake::{Peer, accept, connect};
 pub use listener::{Arrival, Listener};
+pub use tls::Tls;
 
 use super::hello::HELLO_BYTES_MAX;
 use crate::codec::{self, CodecError, Message};

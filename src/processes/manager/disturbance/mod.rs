@@ -17,7 +17,6 @@ use super::control_port::ControlPort;
 use super::process::{Command, ProcessId};
 use super::state::Event;
 use crate::chaos::{Deed, Fault, LongestWait, Place, Planner, Progress};
-use crate::ids::ClusterId;
 use crate::protocol::control::{MasterCommand, NodeCommand};
 use crate::protocol::hello::Role;
 use crate::report::Chaos;
@@ -112,10 +111,14 @@ impl Disturbance {
     pub(super) fn reroute(&mut self, id: ProcessId, command: &mut Command) {
         let mut route = |server, address: &mut SocketAddr| *address = self.route(id.role, server, *address);
         match command {
-            Command::Master(MasterCommand::Configure(configuration)) => route(Role::Bus, &mut configuration.bus),
+            Command::Master(MasterCommand::Configure(configuration)) => {
+                let Role::Master(cluster) = id.role else { return };
+                route(Role::Bus(cluster), &mut configuration.bus);
+            }
+            Command::Node(NodeCommand::Display(display)) => route(Role::Display, display),
             Command::Node(NodeCommand::Configure(configuration)) => {
-                route(Role::Master, &mut configuration.master);
-                route(Role::Bus, &mut configuration.bus);
+                route(Role::Master(configuration.cluster), &mut configuration.master);
+                route(Role::Bus(configuration.cluster), &mut configuration.bus);
                 route(Role::Display, &mut configuration.display);
                 let process = place(id.role).and_then(|place| self.processes.get_mut(&place));
                 process.into_iter().for_each(|process| process.is_configured = true);
@@ -210,8 +213,8 @@ impl Disturbance {
 fn place(role: Role) -> Option<Place> {
     match role {
         Role::Manager => None,
-        Role::Bus => Some(Place::Bus(ClusterId(0))),
-        Role::Master => Some(Place::Master(ClusterId(0))),
+        Role::Bus(cluster) => Some(Place::Bus(cluster)),
+        Role::Master(cluster) => Some(Place::Master(cluster)),
         Role::Node(node) => Some(Place::Node(node)),
         Role::Display => Some(Place::Display),
     }
