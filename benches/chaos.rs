@@ -92,7 +92,7 @@ struct Trial {
 impl Trial {
     fn new(number: u64, options: &Options) -> Self {
         let mut random = Pcg64::seed_from_u64(number);
-        let mut below = |limit: u32| (u64::from(random.next_u32()) * u64::from(limit) >> 32) as u32;
+        let mut below = |limit: u32| ((u64::from(random.next_u32()) * u64::from(limit)) >> 32) as u32;
         let scene = [("teapot", 6), ("gears", 2), ("balls", 3), ("tetra", 5)][below(4) as usize];
         let side = [64, 96, 128][below(3) as usize];
         let memory = ["all", "1/4", "1/8", "4 KiB"][below(4) as usize];

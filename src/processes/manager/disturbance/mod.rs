@@ -219,3 +219,66 @@ fn place(role: Role) -> Option<Place> {
         Role::Display => Some(Place::Display),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chaos::{Cast, Schedule};
+    use crate::ids::{ClusterId, Epoch, NodeId};
+
+    const NODE: Role = Role::Node(NodeId(0));
+    const OTHER: Role = Role::Node(NodeId(1));
+    const BUS: Role = Role::Bus(ClusterId(0));
+    const MASTER: Role = Role::Master(ClusterId(0));
+
+    fn disturbance(text: &str) -> Disturbance {
+        let schedule: Schedule = text.parse().expect("a schedule");
+        let faults = schedule.faults(Cast { clusters: 1, nodes: 2 }).expect("of this cast");
+        Disturbance::new(faults, [127, 0, 0, 1].into())
+    }
+
+    #[tokio::test]
+    async fn only_what_will_be_cut_goes_through_relays() {
+        let mut disturbance = disturbance("cut node 0@10% for 1s; kill bus@20%; kill node 1@20%");
+        let (first, second) = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+        assert_eq!(disturbance.route(OTHER, BUS, first), first);
+        assert_eq!(disturbance.route(Role::Manager, BUS, first), first);
+        let relay = disturbance.route(NODE, BUS, first);
+        assert_ne!(relay, first);
+        assert_eq!(disturbance.route(NODE, BUS, first), relay, "its successor finds the same");
+        assert_ne!(disturbance.route(NODE, MASTER, first), relay);
+        assert_ne!(disturbance.route(NODE, BUS, second), relay, "a bus that was replaced");
+        assert_eq!(disturbance.relays.len(), 2);
+    }
+
+    #[tokio::test]
+    async fn a_server_that_will_be_cut_has_relays_in_both_directions() {
+        let mut disturbance = disturbance("cut master 0@10% for 1s");
+        let address = ([127, 0, 0, 1], 1).into();
+        for (dialler, server) in [(NODE, MASTER), (MASTER, BUS), (MASTER, Role::Manager)] {
+            assert_ne!(disturbance.route(dialler, server, address), address);
+        }
+        for (dialler, server) in [(NODE, BUS), (BUS, Role::Manager), (NODE, Role::Display)] {
+            assert_eq!(disturbance.route(dialler, server, address), address);
+        }
+    }
+
+    #[test]
+    fn a_place_is_held_until_its_holder_is_dead() {
+        let mut disturbance = disturbance("kill node 0@10%");
+        let [first, second] = [0, 1].map(|epoch| ProcessId { role: NODE, epoch: Epoch(epoch) });
+        disturbance.observe(&Event::Connected(first));
+        disturbance.observe(&Event::Connected(second));
+        disturbance.observe(&Event::Exited(first, "ended by itself".to_owned()));
+        assert_eq!(disturbance.processes[&Place::Node(NodeId(0))].id, second);
+        disturbance.observe(&Event::Exited(second, "ended by itself".to_owned()));
+        assert!(disturbance.processes.is_empty());
+    }
+
+    #[test]
+    fn without_faults_there_is_nothing_to_tell() {
+        assert!(Disturbance::new(Vec::new(), [127, 0, 0, 1].into()).close().is_none());
+        let (chaos, missed) = disturbance("kill node@10%").close().expect("one fault");
+        assert_eq!(missed, [format!("`{}` did not come to pass", chaos.schedule)]);
+    }
+}

@@ -166,7 +166,7 @@ mod tests {
     async fn nothing_is_lost_by_cuts() {
         let relay = before_an_echo().await;
         let (mut from, mut to) = TcpStream::connect(relay.address()).await.expect("accepted").into_split();
-        let sent: Vec<u8> = (0..BYTES).map(|i| (i * i >> 7) as u8).collect();
+        let sent: Vec<u8> = (0..BYTES).map(|i| ((i * i) >> 7) as u8).collect();
         let crc32c = crc32c::crc32c(&sent);
         let sender = tokio::spawn(async move {
             for piece in sent.chunks(BYTES / 100) {
