@@ -13,6 +13,7 @@ pub mod codec;
 pub mod database;
 pub mod ids;
 pub mod image_file;
+pub mod journal;
 pub mod machine;
 pub mod oracle;
 pub mod preparation;

@@ -56,6 +56,18 @@ fn the_core_is_pure() {
 }
 
 #[test]
+fn a_journal_is_bytes_and_a_file() {
+    let outer = ["crate::processes", "crate::protocol", "crate::cli", "std::net", "SystemTime"];
+    forbid("src/journal", &outer, &[], "a journal does not know who appends to it");
+    forbid(
+        "src/journal",
+        &["std::fs", "Instant"],
+        &["src/journal/writer.rs", "src/journal/tests.rs"],
+        "a reader takes any bytes",
+    );
+}
+
+#[test]
 fn replays_start_nothing() {
     let outer = ["crate::processes", "crate::cli", "crate::study", "tokio", "std::net", "SystemTime", "Instant"];
     forbid("src/replay", &outer, &[], "a replay reads a recording and counts");

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::ids::{ClusterId, Epoch, NodeId};
 
@@ -49,6 +50,12 @@ impl RunToken {
     /// 64 digits, for a file that nobody else can read.
     pub fn to_hexadecimal(self) -> String {
         self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// A name of the run that does not betray the secret.
+    pub fn run_id(self) -> u64 {
+        let digest = Sha256::digest(self.0);
+        u64::from_le_bytes(std::array::from_fn(|i| digest[i]))
     }
 
     pub fn from_hexadecimal(text: &str) -> Option<Self> {

@@ -105,8 +105,28 @@ fn a_run_does_not_wait_for_one_that_is_cut_off_at_its_end() {
 }
 
 #[test]
-fn a_node_that_is_corrupted_gives_another_image() {
-    let (output, report) = run_with("corrupt node 1@10%", &SLOW);
+fn servers_are_killed() {
+    for (server, name) in [("bus", "the bus"), ("master", "the master"), ("display", "the display")] {
+        let told = [format!("chaos: {name} is killed"), format!("{name} died of signal 9 (SIGKILL)")];
+        survives(&format!("kill {server}@30%"), &[], &told.each_ref().map(String::as_str));
+    }
+}
+
+#[test]
+fn servers_are_cut_off_and_stopped_for_a_moment() {
+    for server in ["bus", "master", "display"] {
+        survives(&format!("cut {server}@20% for 0.3s; stop {server}@60% for 0.3s"), &[], &["is cut off", "is stopped"]);
+    }
+}
+
+#[test]
+fn a_node_that_is_corrupted_is_found_out() {
+    survives("corrupt node 1@10%", &["run.verify=0.02"], &["chaos: node 1 is corrupted"]);
+}
+
+#[test]
+fn a_node_that_is_corrupted_gives_another_image_where_nobody_compares() {
+    let (output, report) = run_with("corrupt node 1@10%", &[&SLOW[..], &["run.verify=0"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let report = report.expect("a report");
     assert_ne!(&report["image"]["sha256"], undisturbed(), "nobody compares");

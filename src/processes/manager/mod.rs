@@ -5,7 +5,9 @@
 
 mod children;
 mod closing;
+mod cluster;
 mod control_port;
+mod display_place;
 mod disturbance;
 mod ending;
 mod executables;
@@ -18,6 +20,7 @@ mod process_table;
 mod recorded;
 mod shell;
 mod state;
+mod verification;
 
 #[cfg(test)]
 mod sample;
@@ -26,7 +29,7 @@ mod state_tests;
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -56,6 +59,8 @@ pub struct RunRequest {
     pub topology: Topology,
     /// The folder for image, report, recording and logs; made if need be.
     pub out: PathBuf,
+    /// Whether the tiles in the folder's journal are taken over.
+    pub resume: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
@@ -140,6 +145,11 @@ impl RunError {
     }
 }
 
+/// Where a run leaves the topology that it resolved, in its folder.
+pub fn resolved_topology(out: &Path) -> PathBuf {
+    out.join(output_folder::TOPOLOGY_NAME)
+}
+
 /// Renders a topology with all its processes; returns when none of them lives any more.
 ///
 /// # Errors
@@ -157,7 +167,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
-    let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
+    let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
+    let folder = prepare(out, topology).map_err(RunError::Output)?;
     match telemetry::start(&folder.log("manager")) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
@@ -174,6 +185,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         exr: request.exr,
         record_references: request.record_references,
         journal: folder.journal(),
+        resume: request.resume,
         fingerprint: fingerprint(&prepared),
         image: folder.image(),
         recording: folder.recording(),

@@ -15,6 +15,7 @@ use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::executables::Executables;
 use super::plan::Plan;
+use super::process::ProcessId;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::chaos::{self, Fault};
@@ -50,7 +51,7 @@ fn status(state: &State) -> Status {
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.trace.all_rays(),
+        rays: state.ledger.total().trace.all_rays(),
         elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
@@ -62,8 +63,8 @@ struct Shell {
     children: Children,
     disturbance: Disturbance,
     events: mpsc::Sender<Event>,
-    /// Until it is loaded into the bus.
-    words: Option<Arc<Vec<u32>>>,
+    /// Of the database, for every bus that starts.
+    words: Arc<Vec<u32>>,
     credentials: Credentials,
     upload_deadline: Duration,
 }
@@ -136,7 +137,7 @@ impl Shell {
             port,
             children,
             events,
-            words: Some(Arc::clone(&run.words)),
+            words: Arc::clone(&run.words),
             credentials: run.credentials.clone(),
             upload_deadline: deadlines.startup,
         }
@@ -160,9 +161,9 @@ impl Shell {
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
-                Action::Upload(bus) => {
-                    let bus = self.disturbance.route(Role::Manager, Role::Bus(ClusterId(0)), bus);
-                    self.upload(bus);
+                Action::Upload(bus, address) => {
+                    let address = self.disturbance.route(Role::Manager, bus.role, address);
+                    self.upload(bus, address);
                 }
             }
         }
@@ -177,21 +178,31 @@ impl Shell {
         }
     }
 
-    fn upload(&mut self, bus: SocketAddr) {
-        let Some(words) = self.words.take() else { return };
+    fn upload(&mut self, bus: ProcessId, address: SocketAddr) {
+        let Role::Bus(cluster) = bus.role else { return };
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let credentials = self.credentials.clone();
+        let (words, credentials) = (Arc::clone(&self.words), self.credentials.clone());
         tokio::spawn(async move {
-            let loaded = upload(bus, &credentials, bytemuck::cast_slice(&words), deadline).await;
+            let image = bytemuck::cast_slice(&words);
+            let event = match upload(cluster, address, &credentials, image, deadline).await {
+                Ok(()) => Event::Uploaded(bus),
+                Err(why) => Event::UploadFailed(bus, why),
+            };
             // An error means that the manager has ended.
-            let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
+            let _ = events.send(event).await;
         });
     }
 }
 
 /// `deadline` is for each piece.
-async fn upload(bus: SocketAddr, credentials: &Credentials, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(ClusterId(0), bus, credentials, deadline).await?;
+async fn upload(
+    cluster: ClusterId,
+    bus: SocketAddr,
+    credentials: &Credentials,
+    image: &[u8],
+    deadline: Duration,
+) -> Result<(), String> {
+    let mut loader = Loader::connect(cluster, bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())
