@@ -128,6 +128,8 @@ fn start_loop(
     farewell: Option<oneshot::Sender<()>>,
 ) -> Result<(Handle, oneshot::Receiver<LoopOutcome>), BusError> {
     let BusConfiguration { cluster, arbiter, layout, recording } = configuration;
+    std::fs::create_dir_all(recording)
+        .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", recording.display())))?;
     let metadata = Metadata { cluster: *cluster, epoch, arbiter: *arbiter, layout: layout.clone() };
     let recording = Writer::create(recording, &metadata)?;
     let state = State::new(configuration, epoch);
@@ -153,7 +155,7 @@ async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listene
 fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
     let admitted = arrival.and_then(|(peer, connection)| Ok((peer, connection.into_std()?)));
     let incident = match admitted {
-        Ok((peer, stream)) => match handle.send(Command::Admit(peer, stream)) {
+        Ok((peer, socket)) => match handle.send(Command::Admit(peer, socket)) {
             Ok(()) => return None,
             Err(error) => format!("{peer}: not admitted: {error}"),
         },

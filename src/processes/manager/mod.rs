@@ -5,7 +5,9 @@
 
 mod children;
 mod closing;
+mod cluster;
 mod control_port;
+mod display_place;
 mod ending;
 mod executables;
 mod job_queue;
@@ -17,6 +19,7 @@ mod process_table;
 mod recorded;
 mod shell;
 mod state;
+mod verification;
 
 #[cfg(test)]
 mod sample;
@@ -25,7 +28,7 @@ mod state_tests;
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -37,6 +40,7 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::journal::{Journal, JournalError, Subject};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
@@ -54,6 +58,8 @@ pub struct RunRequest {
     pub topology: Topology,
     /// The folder for image, report, recording and logs; made if need be.
     pub out: PathBuf,
+    /// Whether the tiles in the folder's journal are taken over.
+    pub resume: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
@@ -107,6 +113,9 @@ pub enum RunError {
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -123,8 +132,17 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        match self {
+            Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            _ => false,
+        }
     }
+}
+
+/// Where a run leaves the topology that it resolved, in its folder.
+pub fn resolved_topology(out: &Path) -> PathBuf {
+    out.join(output_folder::TOPOLOGY_NAME)
 }
 
 /// Renders a topology with all its processes; returns when none of them lives any more.
@@ -143,7 +161,19 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
-    let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
+
+    let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
+    let folder = prepare(out, topology).map_err(RunError::Output)?;
     match telemetry::start(&folder.log("manager")) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
@@ -156,11 +186,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
-        journal: folder.journal(),
-        fingerprint: fingerprint(&prepared),
+        journal: output_folder::journal(out),
+        resume: request.resume,
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -176,7 +207,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
     let state = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::process::{Process, ProcessId, Stage};
-use crate::protocol::hello::Role;
 use crate::topology::Deadlines;
 
 /// From the end of a control connection to that of its process.
@@ -26,11 +25,6 @@ impl ProcessTable {
 
     pub(super) fn get_mut(&mut self, id: ProcessId) -> Option<&mut Process> {
         self.processes.iter_mut().find(|process| process.id == id)
-    }
-
-    /// The process that holds a role now.
-    pub(super) fn holder(&self, role: Role) -> Option<&Process> {
-        self.processes.iter().find(|process| process.id.role == role)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &Process> {
@@ -80,6 +74,7 @@ mod tests {
     use super::*;
     use crate::ids::{ClusterId, NodeId};
     use crate::processes::manager::sample;
+    use crate::protocol::hello::Role;
 
     /// Deadlines: startup 10 s, heartbeat 5 s, tile 60 s.
     fn overdue_at(second: u64, role: Role, stage: Stage, last_sign: u64, hung_up: Option<u64>) -> Option<String> {
