@@ -1,5 +1,6 @@
 //! `marti run TOPOLOGY`, and `marti run --resume OUT`
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -34,6 +35,9 @@ pub struct RunArguments {
     /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
     #[arg(long, value_name = "FAULTS")]
     pub chaos: Option<Schedule>,
+    /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub health: Option<SocketAddr>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -78,6 +82,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
         chaos: arguments.chaos.clone(),
+        health: arguments.health,
         quiet: arguments.quiet,
     })
     .map_err(|error| {

@@ -5,6 +5,7 @@ pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+pub mod health;
 mod loader;
 pub mod manager;
 pub mod master;

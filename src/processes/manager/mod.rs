@@ -13,6 +13,7 @@ mod ending;
 mod executables;
 mod job_queue;
 mod ledger;
+mod metrics;
 mod output_folder;
 mod plan;
 mod process;
@@ -29,6 +30,7 @@ mod state_tests;
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -40,6 +42,7 @@ use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
+use super::health::HealthError;
 use super::token;
 use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
@@ -68,6 +71,8 @@ pub struct RunRequest {
     pub record_references: bool,
     /// Faults on purpose.
     pub chaos: Option<chaos::Schedule>,
+    /// Where to tell health and metrics; of this host alone.
+    pub health: Option<SocketAddr>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -119,6 +124,8 @@ pub enum RunError {
     Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    #[error(transparent)]
+    Health(#[from] HealthError),
     /// What is to be resumed cannot be.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -145,6 +152,7 @@ impl RunError {
             | Self::LocalMemory(_)
             | Self::Chaos(_) => true,
             Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            Self::Health(error) => matches!(error, HealthError::NotLoopback(_)),
             _ => false,
         }
     }
@@ -212,6 +220,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         logs: folder.logs(),
         credentials: Credentials::plain(secret()?),
         words: Arc::clone(&database.words),
+        health: request.health,
         quiet: request.quiet,
         faults,
     };

@@ -14,12 +14,14 @@ use super::children::Children;
 use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::executables::Executables;
+use super::metrics;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
+use crate::processes::health;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
@@ -42,6 +44,7 @@ pub(super) struct Run {
     pub(super) words: Arc<Vec<u32>>,
     /// No progress.
     pub(super) quiet: bool,
+    pub(super) health: Option<SocketAddr>,
     pub(super) faults: Vec<Fault>,
 }
 
@@ -51,7 +54,7 @@ fn status(state: &State) -> Status {
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.total().trace.all_rays(),
+        rays: state.ledger.rays(),
         elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
@@ -82,6 +85,10 @@ impl Run {
         let port = ControlPort::bind(self.credentials.clone(), sender.clone())
             .await
             .map_err(|error| system("free port", error))?;
+        let health = match self.health {
+            Some(address) => Some(health::serve(address).await?),
+            None => None,
+        };
         let mut shell = Shell::new(&self, &plan, port, sender);
         let (mut state, actions) = State::start(plan);
         let mut progress = Progress::new(self.quiet, state.queue.total());
@@ -96,6 +103,9 @@ impl Run {
                 event = shell.port.arrival() => event,
                 _ = tick.tick() => {
                     progress.show(&status(&state));
+                    if let Some(health) = &health {
+                        health.send_replace(metrics::health(&state));
+                    }
                     Event::Tick
                 }
             };
