@@ -127,6 +127,14 @@ impl<R: Read> Reader<R> {
     }
 }
 
+/// What a journal is of, as its header says; `None` where that is not sound.
+pub(super) fn subject(mut input: impl Read) -> Option<Subject> {
+    let mut header = Header::zeroed();
+    fill(&mut input, bytemuck::bytes_of_mut(&mut header)).ok()?;
+    let is_known = header.magic == MAGIC && header.version == FORMAT_VERSION && header.is_sound();
+    is_known.then(|| header.subject())
+}
+
 fn differences(found: &Subject, expected: &Subject) -> Result<(), HeaderFault> {
     let other = |what: String| Err(HeaderFault::Other(what));
     let size = |subject: &Subject| {

@@ -7,7 +7,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::format::{Head, Header, Record, RunId, Subject};
-use super::reader::{HeaderFault, Next, Reader, Start};
+use super::reader::{self, HeaderFault, Next, Reader, Start};
+use crate::tracer::AovSet;
 
 /// For a display whose manager was killed to end too: until then it might append beside its successor.
 const LOCK_DEADLINE: Duration = Duration::from_secs(3);
@@ -61,6 +62,24 @@ impl Journal {
             format!("{path}: dropped the last {dropped} bytes, from byte {kept} on: {why}")
         });
         Ok((journal, incident))
+    }
+
+    /// Which planes the tiles of a journal hold; `None` where there is no sound header.
+    pub fn planes(path: &Path) -> Option<AovSet> {
+        Some(reader::subject(File::open(path).ok()?)?.aov)
+    }
+
+    /// Whether [`Self::open`] would go on with the file, if there is one.
+    ///
+    /// # Errors
+    /// It cannot be read, or belongs to something else.
+    pub fn check(path: &Path, subject: &Subject) -> Result<(), JournalError> {
+        let file = match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+            opened => opened.map_err(|error| JournalError::Io { path: path.to_owned(), error })?,
+        };
+        let start = Reader::new(file, *subject).start();
+        start.map(drop).map_err(|fault| JournalError::Header { path: path.to_owned(), fault })
     }
 
     /// Appends in one write, so that the operating system has the record before anybody is told. After an error nothing

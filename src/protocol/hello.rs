@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::keys::RoleKind;
 
 /// Raised with every change of a message.
 pub const PROTOCOL_VERSION: u32 = 2;
@@ -21,6 +22,19 @@ pub enum Role {
     Master(ClusterId),
     Node(NodeId),
     Display,
+}
+
+impl Role {
+    /// Without its number.
+    pub const fn kind(self) -> RoleKind {
+        match self {
+            Self::Manager => RoleKind::Manager,
+            Self::Bus(_) => RoleKind::Bus,
+            Self::Master(_) => RoleKind::Master,
+            Self::Node(_) => RoleKind::Node,
+            Self::Display => RoleKind::Display,
+        }
+    }
 }
 
 impl fmt::Display for Role {

@@ -42,6 +42,7 @@ use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
 use crate::chaos;
+use crate::journal::{Journal, JournalError, Subject};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
@@ -118,6 +119,9 @@ pub enum RunError {
     Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -134,14 +138,15 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(
-            self,
+        match self {
             Self::Preparation(_)
-                | Self::NothingToRecord
-                | Self::TooManyTiles { .. }
-                | Self::LocalMemory(_)
-                | Self::Chaos(_)
-        )
+            | Self::NothingToRecord
+            | Self::TooManyTiles { .. }
+            | Self::LocalMemory(_)
+            | Self::Chaos(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            _ => false,
+        }
     }
 }
 
@@ -167,6 +172,17 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
+
     let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
     let folder = prepare(out, topology).map_err(RunError::Output)?;
     match telemetry::start(&folder.log("manager")) {
@@ -181,12 +197,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
-        journal: folder.journal(),
+        journal: output_folder::journal(out),
         resume: request.resume,
-        fingerprint: fingerprint(&prepared),
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -203,7 +219,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
     let (state, chaos) = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.
