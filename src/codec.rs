@@ -257,7 +257,7 @@ mod tests {
         round_trip(MemoryReply::Data { bytes: 3 }, &[1, 2, 3]);
         round_trip(TilePixels { tile: TileId(1), attempt: Attempt(0), crc32c: 7 }, &[5; 300]);
         round_trip(WorkRequest::Done(Box::new(tile_done())), &[]);
-        let lost = LostAttempt { node: NodeId(1), tile: TileId(2), attempt: Attempt(3) };
+        let lost = LostAttempt { tile: TileId(2), attempt: Attempt(3) };
         round_trip(BusCommand::Finish { lost: vec![lost; 1000] }, &[]);
     }
 

@@ -73,10 +73,9 @@ pub struct BusTotals {
     pub log_waits: u64,
 }
 
-/// An attempt whose completion never arrived.
+/// An attempt whose completion never arrived. Its number is never given twice for a tile.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub struct LostAttempt {
-    pub node: NodeId,
     pub tile: TileId,
     pub attempt: Attempt,
 }

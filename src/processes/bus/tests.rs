@@ -194,7 +194,7 @@ fn lines_and_ranges_come_as_they_were_stored() {
         assert!(data == image[4096..4096 + BULK_BYTES_MAX as usize]);
 
         drop(node);
-        let lost = LostAttempt { node: NodeId(0), tile: TileId(0), attempt: Attempt(0) };
+        let lost = LostAttempt { tile: TileId(0), attempt: Attempt(0) };
         let (totals, folder) = bus.finish(vec![lost]);
         assert_eq!((totals.fetches, totals.fetched_bytes), (2, 128 + 32 * 256));
         assert_eq!((totals.fetches_of_lost_attempts, totals.bulk_bytes), (2, u64::from(BULK_BYTES_MAX)));

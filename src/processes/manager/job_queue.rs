@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
-use crate::protocol::control::{Revocation, TileGrant};
+use crate::protocol::control::{LostAttempt, Revocation, TileGrant};
 use crate::tile_order;
 use crate::topology::{Assignment, Cluster, Run};
 use crate::tracer::Tiling;
@@ -210,7 +210,8 @@ impl JobQueue {
             return None;
         }
         let patience = STRAGGLE_MIN.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
-        let is_alone = |tile: TileId| self.out_of(tile).count() == 1;
+        // A done tile's other attempt may still be out; so may one that was revoked.
+        let is_alone = |tile: TileId| self.tiles[tile.0 as usize].place == Place::Out && self.out_of(tile).count() == 1;
         let late = self.out.iter().filter(|((tile, _), out)| {
             // A cluster of one node cannot help itself.
             let others = out.cluster != cluster || available.len() > 1;
@@ -285,6 +286,12 @@ impl JobQueue {
             _ => {}
         }
         true
+    }
+
+    /// The attempts that a cluster has not told the end of.
+    pub(super) fn open(&self, cluster: ClusterId) -> impl Iterator<Item = LostAttempt> {
+        let of_cluster = self.out.iter().filter(move |(_, out)| out.cluster == cluster);
+        of_cluster.map(|(&(tile, attempt), _)| LostAttempt { tile, attempt })
     }
 
     /// A cluster is dead with all that it had.
@@ -477,6 +484,7 @@ mod tests {
             assert_eq!(granted(&mut queue, 0, 2, STRAGGLE_MIN), [], "not late yet");
             assert_eq!(granted(&mut queue, 0, 2, late), [(1, None)], "once");
             assert_eq!(done(&mut queue, 1, winner), Completion::Accepted);
+            assert_eq!(granted(&mut queue, 0, 2, 2 * late), [], "it is done, though an attempt is still out");
             assert_eq!(done(&mut queue, 1, 1 - winner), Completion::Extra);
             assert_eq!((queue.missing(), queue.reissued()), (0, 0));
         }

@@ -385,7 +385,9 @@ impl State {
     pub(super) fn tell_to_finish(&mut self, id: ProcessId) {
         let command = match id.role {
             Role::Bus(cluster) => {
-                let lost = self.ledger.books.entry((cluster, id.epoch)).or_default().lost.clone();
+                let mut lost = self.ledger.books.entry((cluster, id.epoch)).or_default().lost.clone();
+                // Where the master did not live to tell.
+                lost.extend(self.queue.open(cluster));
                 Command::Bus(BusCommand::Finish { lost })
             }
             Role::Master(_) => Command::Master(MasterCommand::Finish),

@@ -210,7 +210,7 @@ fn a_dead_nodes_tiles_are_issued_again_and_its_place_is_taken() {
     assert_eq!(actions, [Action::HangUp(node(1, 0)), lost_node, Action::Spawn(node(1, 1))]);
     assert_eq!(stage.incidents(), ["node 1 died: signal 9"]);
 
-    let lost = |tile| LostAttempt { node: NodeId(1), tile: TileId(tile), attempt: Attempt(0) };
+    let lost = |tile| LostAttempt { tile: TileId(tile), attempt: Attempt(0) };
     assert!(stage.master(MasterReport::Lost(vec![lost(2), lost(3)])).is_empty(), "none are wanted yet");
     let grant = |tile| TileGrant { tile: TileId(tile), attempt: Attempt(1), node: None, except: Vec::new() };
     let tiles = to_master(MasterCommand::Tiles(vec![grant(3), grant(2)]));

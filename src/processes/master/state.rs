@@ -147,7 +147,7 @@ impl State {
             self.totals.attempts_accepted += 1;
             self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: END_OF_JOB_BYTES }));
             self.actions.push(Action::Report(MasterReport::Done { node, epoch, done }));
-        } else if self.lost.remove(&LostAttempt { node, tile, attempt }) {
+        } else if self.lost.remove(&LostAttempt { tile, attempt }) {
             // It was on its way when its node died.
             self.totals.attempts_lost -= 1;
             self.totals.attempts_stale += 1;
@@ -161,7 +161,7 @@ impl State {
         let Some(seat) = self.seat(process) else { return };
         let held = std::mem::take(&mut seat.held);
         self.stop_waiting(process.node);
-        let lost = |Held { tile, attempt, .. }| LostAttempt { node: process.node, tile, attempt };
+        let lost = |Held { tile, attempt, .. }| LostAttempt { tile, attempt };
         let lost: Vec<_> = held.into_iter().map(lost).collect();
         if !lost.is_empty() {
             self.totals.attempts_lost += lost.len() as u64;
@@ -405,7 +405,7 @@ mod tests {
         // The connection's end is not yet a death.
         assert!(reports(at(&mut state, 1, Event::Disconnected(first(0)))).is_empty());
         let told = reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) }));
-        let lost = |tile| LostAttempt { node: NodeId(0), tile: TileId(tile), attempt: Attempt(0) };
+        let lost = |tile| LostAttempt { tile: TileId(tile), attempt: Attempt(0) };
         assert_eq!(told, [MasterReport::Lost(vec![lost(0), lost(1)])]);
         // Told again, nothing is lost twice.
         assert!(reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) })).is_empty());
