@@ -115,7 +115,7 @@ fn each_foreign_thing_has_its_place() {
         &["src/protocol/connection", "src/keys"],
         "only connections speak TLS, only keys are certified",
     );
-    forbid("src", &["rcgen", "time::OffsetDateTime"], &["src/keys"], "certificates are made in one folder");
+    forbid("src", &["rcgen"], &["src/keys"], "certificates are made in one folder");
     forbid("src", &["toml::"], &["src/topology"], "only topologies are TOML");
     forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
     forbid("src", &["mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
