@@ -138,6 +138,16 @@ impl JobQueue {
         self.missing
     }
 
+    /// Attempts that masters have.
+    pub(super) fn out(&self) -> usize {
+        self.out.len()
+    }
+
+    /// Checks that no master has yet.
+    pub(super) fn waiting_checks(&self) -> usize {
+        self.checks.len()
+    }
+
     /// The attempt at a tile that is part of the image.
     pub(super) fn accepted(&self, tile: TileId) -> Option<Attempt> {
         match self.tiles.get(tile.0 as usize)?.place {

@@ -29,7 +29,7 @@ use crate::protocol::work::TileDone;
 pub(super) const FAILURES_MAX: u32 = 3;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Connected(ProcessId),
     Report(ProcessId, Report),
     /// The control connection ended; `Some`: by nonsense, and what it was.
@@ -46,7 +46,7 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Spawn(ProcessId),
     Tell(ProcessId, Command),
     /// End the control connection.

@@ -7,9 +7,9 @@ use crate::ids::{Attempt, Epoch, NodeId, TileId};
 
 /// One process of those that hold a node's place one after the other.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct NodeProcess {
-    pub(super) node: NodeId,
-    pub(super) epoch: Epoch,
+pub(in crate::processes) struct NodeProcess {
+    pub(in crate::processes) node: NodeId,
+    pub(in crate::processes) epoch: Epoch,
 }
 
 impl fmt::Display for NodeProcess {

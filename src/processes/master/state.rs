@@ -17,7 +17,7 @@ const TILES_A_NODE: u32 = 8;
 const TILES_ASKED_MIN: u32 = TILES_A_NODE / 2;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Command(MasterCommand),
     Connected(NodeProcess),
     /// The connection ended. The process is not known to be dead yet: the manager says when it is.
@@ -29,7 +29,7 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Report(MasterReport),
     Hand {
         to: NodeProcess,
@@ -45,7 +45,7 @@ pub(super) enum Action {
 }
 
 #[derive(Debug)]
-pub(super) struct State {
+pub(in crate::processes) struct State {
     /// From a tile's issue to its completion.
     tile_deadline: Duration,
     /// In order of node ids, from this one on.
@@ -63,7 +63,7 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(configuration: &MasterConfiguration) -> Self {
+    pub(in crate::processes) fn new(configuration: &MasterConfiguration) -> Self {
         Self {
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
             first_node: configuration.first_node,
@@ -78,7 +78,7 @@ impl State {
     }
 
     /// What is to be done about an event, in order. `now` is the time since any fixed moment.
-    pub(super) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+    pub(in crate::processes) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
         match event {
             Event::Command(command) => self.obey(command),
             Event::Connected(process) => self.connected(process),
@@ -92,6 +92,11 @@ impl State {
         self.give_back();
         self.ask();
         std::mem::take(&mut self.actions)
+    }
+
+    /// Tiles in the cluster's queue or with its nodes.
+    pub(in crate::processes) fn tiles(&self) -> usize {
+        self.queue.len() + self.seats.iter().map(|seat| seat.held.len()).sum::<usize>()
     }
 
     fn obey(&mut self, command: MasterCommand) {
