@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::options::OutputOptions;
 use super::{Exit, Failure, print};
+use crate::chaos::Schedule;
 use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
 use crate::report::{Report, Status, json, text};
 use crate::topology::{Override, Topology};
@@ -28,8 +29,11 @@ pub struct RunArguments {
     #[command(flatten)]
     pub output: OutputOptions,
     /// What to record besides the bus: references, which `marti replay` puts through other memories
-    #[arg(long, value_name = "WHAT", value_enum)]
+    #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
     pub record: Option<Record>,
+    /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
+    #[arg(long, value_name = "FAULTS")]
+    pub chaos: Option<Schedule>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -73,6 +77,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
+        chaos: arguments.chaos.clone(),
         quiet: arguments.quiet,
     })
     .map_err(|error| {

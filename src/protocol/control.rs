@@ -166,6 +166,8 @@ pub enum NodeCommand {
     Configure(Box<NodeConfiguration>),
     /// There is a new display: what the last one did not acknowledge goes there again.
     Display(SocketAddr),
+    /// From now on, one bit of every tile is to be wrong.
+    Corrupt,
     Finish,
 }
 
@@ -270,7 +272,7 @@ pub struct Comparison {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileResult {
     pub attempt: Attempt,
-    /// `None`: from a journal.
+    /// `None`: of an earlier run, from its journal; the attempt counts for nothing then.
     pub source: Option<(NodeId, Epoch)>,
     /// SHA-256 of the bytes.
     pub digest: [u8; 32],

@@ -1,6 +1,7 @@
 //! The real binaries, from the outside.
 
 mod bad_input;
+mod chaos;
 mod command;
 mod command_line;
 mod damaged_recordings;
@@ -12,4 +13,5 @@ mod processes;
 mod recording;
 mod reference;
 mod references;
+mod resume;
 mod same_image;

@@ -9,10 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
-use nix::sys::signal::Signal;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use tokio::io::AsyncWriteExt;
-use tokio::process::Command;
-use tokio::sync::{mpsc, oneshot};
+use tokio::process::{Child, Command};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep_until};
 
 use super::executables::Executables;
 use super::process::ProcessId;
@@ -23,36 +25,38 @@ use crate::protocol::hello::RunToken;
 
 /// Signs of life within a heartbeat's deadline.
 const HEARTBEATS: u32 = 4;
+/// Orders to stop that a process was not given yet.
+const STOPS_MAX: usize = 8;
 
 /// Starts and kills; each child has a task of its own that waits for its end and tells it.
 pub(super) struct Children {
     pub(super) executables: Executables,
     pub(super) logs: PathBuf,
     pub(super) token: RunToken,
-    pub(super) manager: SocketAddr,
     pub(super) heartbeat_deadline: Duration,
     pub(super) events: mpsc::Sender<Event>,
-    /// Dropping one kills.
-    pub(super) alive: HashMap<ProcessId, oneshot::Sender<()>>,
+    /// How long each is to stop; dropping one kills.
+    pub(super) alive: HashMap<ProcessId, mpsc::Sender<Duration>>,
 }
 
 impl Children {
-    pub(super) fn spawn(&mut self, id: ProcessId) {
+    /// `manager` is where it finds us.
+    pub(super) fn spawn(&mut self, id: ProcessId, manager: SocketAddr) {
         let log = self.logs.join(format!("{}.log", id.log_stem()));
         let period = (self.heartbeat_deadline / HEARTBEATS).as_millis();
         let bootstrap = Bootstrap {
             role: id.role,
             epoch: id.epoch,
             token: self.token,
-            manager: self.manager,
+            manager,
             log: log.clone(),
             heartbeat_milliseconds: u64::try_from(period).unwrap_or(u64::MAX),
         };
-        let (kill, killed) = oneshot::channel();
-        self.alive.insert(id, kill);
+        let (alive, stops) = mpsc::channel(STOPS_MAX);
+        self.alive.insert(id, alive);
         let (executable, events) = (self.executables.path(id), self.events.clone());
         tokio::spawn(async move {
-            let how = match live(&executable, &bootstrap, &log, killed).await {
+            let how = match live(&executable, &bootstrap, &log, stops).await {
                 Ok(status) => describe(status, &log),
                 Err(error) => format!("could not be started from {}: {error}", executable.display()),
             };
@@ -65,6 +69,20 @@ impl Children {
     pub(super) fn kill(&mut self, id: ProcessId) {
         self.alive.remove(&id);
     }
+
+    /// Whether it was started and not killed; it may have ended by itself.
+    pub(super) fn is_alive(&self, id: ProcessId) -> bool {
+        self.alive.contains_key(&id)
+    }
+
+    /// By SIGSTOP; it goes on after so long.
+    ///
+    /// # Errors
+    /// Why not: the process is not one of this host's, or has ended.
+    pub(super) fn stop(&self, id: ProcessId, time: Duration) -> Result<(), String> {
+        let alive = self.alive.get(&id).ok_or("it is no process of this host")?;
+        alive.try_send(time).map_err(|_| "it has ended, or stops already".to_owned())
+    }
 }
 
 /// From start to end. The child has a process group of its own, so that a Ctrl-C in the terminal reaches the
@@ -73,7 +91,7 @@ async fn live(
     executable: &Path,
     bootstrap: &Bootstrap,
     log: &Path,
-    killed: oneshot::Receiver<()>,
+    mut stops: mpsc::Receiver<Duration>,
 ) -> io::Result<ExitStatus> {
     // What is printed before the log is open, or by an abort.
     let printed = OpenOptions::new().create(true).append(true).open(log)?;
@@ -89,12 +107,31 @@ async fn live(
         // A child that does not read it has ended; its status says more. The frame fits the pipe's buffer.
         let _ = stdin.write_all(&frame).await;
     }
-    tokio::select! {
-        status = child.wait() => return status,
-        _ = killed => {}
+    let mut goes_on = None;
+    loop {
+        tokio::select! {
+            status = child.wait() => return status,
+            stop = stops.recv() => match stop {
+                Some(time) => {
+                    signal(&child, Signal::SIGSTOP)?;
+                    goes_on = goes_on.max(Some(Instant::now() + time));
+                }
+                None => break,
+            },
+            () = sleep_until(goes_on.unwrap_or_else(Instant::now)), if goes_on.is_some() => {
+                signal(&child, Signal::SIGCONT)?;
+                goes_on = None;
+            }
+        }
     }
     child.start_kill()?;
     child.wait().await
+}
+
+/// Its number is still its own: nobody has waited for it.
+fn signal(child: &Child, signal: Signal) -> io::Result<()> {
+    let pid = child.id().and_then(|pid| i32::try_from(pid).ok());
+    pid.map_or(Ok(()), |pid| Ok(kill(Pid::from_raw(pid), signal)?))
 }
 
 /// The rest of a sentence that begins with the process's name.

@@ -8,6 +8,7 @@ mod closing;
 mod cluster;
 mod control_port;
 mod display_place;
+mod disturbance;
 mod ending;
 mod executables;
 mod job_queue;
@@ -40,6 +41,8 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::chaos;
+use crate::journal::{Journal, JournalError, Subject};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
@@ -63,6 +66,8 @@ pub struct RunRequest {
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
     pub record_references: bool,
+    /// Faults on purpose.
+    pub chaos: Option<chaos::Schedule>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -110,8 +115,13 @@ pub enum RunError {
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
+    #[error("--chaos: {0}")]
+    Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -128,7 +138,15 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        match self {
+            Self::Preparation(_)
+            | Self::NothingToRecord
+            | Self::TooManyTiles { .. }
+            | Self::LocalMemory(_)
+            | Self::Chaos(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            _ => false,
+        }
     }
 }
 
@@ -148,10 +166,22 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
     }
+    let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
+
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
 
     let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
     let folder = prepare(out, topology).map_err(RunError::Output)?;
@@ -167,12 +197,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
-        journal: folder.journal(),
+        journal: output_folder::journal(out),
         resume: request.resume,
-        fingerprint: fingerprint(&prepared),
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
@@ -183,14 +213,15 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         credentials: Credentials::plain(secret()?),
         words: Arc::clone(&database.words),
         quiet: request.quiet,
+        faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
-    let state = runtime.block_on(run.finish(plan))?;
+    let (state, chaos) = runtime.block_on(run.finish(plan))?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -198,7 +229,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
         None => Vec::new(),
     };
-    let report = closing::report(&state, facts, checks, start.elapsed());
+    let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,
@@ -207,6 +238,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
     Ok(RunOutcome { end, report })
+}
+
+fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
+    let cluster = &request.topology.cluster;
+    let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
+    request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
 }
 
 fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {

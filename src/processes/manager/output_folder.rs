@@ -11,6 +11,11 @@ use crate::topology::Topology;
 /// The resolved topology.
 pub(super) const TOPOLOGY_NAME: &str = "topology.toml";
 
+/// The display's journal.
+pub(super) fn journal(out: &Path) -> PathBuf {
+    out.join("tiles")
+}
+
 #[derive(Debug)]
 pub(super) struct OutputFolder {
     root: PathBuf,
@@ -76,11 +81,6 @@ impl OutputFolder {
 
     pub(super) fn report(&self) -> PathBuf {
         self.root.join("report.json")
-    }
-
-    /// The display's journal.
-    pub(super) fn journal(&self) -> PathBuf {
-        self.root.join("tiles")
     }
 
     pub(super) fn recording(&self) -> PathBuf {

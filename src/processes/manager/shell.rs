@@ -12,16 +12,19 @@ use tokio::time::{MissedTickBehavior, interval};
 
 use super::children::Children;
 use super::control_port::ControlPort;
+use super::disturbance::Disturbance;
 use super::executables::Executables;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
+use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::Role;
+use crate::report::Chaos;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -39,6 +42,7 @@ pub(super) struct Run {
     pub(super) words: Arc<Vec<u32>>,
     /// No progress.
     pub(super) quiet: bool,
+    pub(super) faults: Vec<Fault>,
 }
 
 fn status(state: &State) -> Status {
@@ -57,6 +61,7 @@ struct Shell {
     start: Instant,
     port: ControlPort,
     children: Children,
+    disturbance: Disturbance,
     events: mpsc::Sender<Event>,
     /// Of the database, for every bus that starts.
     words: Arc<Vec<u32>>,
@@ -65,11 +70,11 @@ struct Shell {
 }
 
 impl Run {
-    /// Runs until the state is over; gives it back.
+    /// Runs until the state is over; gives it back, and what the faults came to if there were to be any.
     ///
     /// # Errors
     /// The system has no port or no signals.
-    pub(super) async fn finish(self, plan: Plan) -> Result<State, RunError> {
+    pub(super) async fn finish(self, plan: Plan) -> Result<(State, Option<Chaos>), RunError> {
         let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
@@ -97,11 +102,17 @@ impl Run {
             if !matches!(event, Event::Report(..) | Event::Tick) {
                 tracing::info!("{event:?}");
             }
+            shell.disturbance.observe(&event);
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
+            shell.disturb(&mut state);
         }
         progress.finish(&status(&state));
-        Ok(state)
+        let chaos = shell.disturbance.close().map(|(chaos, missed)| {
+            missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
+            chaos
+        });
+        Ok((state, chaos))
     }
 }
 
@@ -116,13 +127,13 @@ impl Shell {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
             token: run.credentials.token,
-            manager: port.address(),
             heartbeat_deadline: deadlines.heartbeat,
             events: events.clone(),
             alive: HashMap::new(),
         };
         Self {
             start: run.start,
+            disturbance: Disturbance::new(run.faults.clone(), port.address().ip()),
             port,
             children,
             events,
@@ -138,9 +149,11 @@ impl Shell {
                 Action::Spawn(id) => {
                     tracing::info!("{id} is started");
                     self.port.expect(id);
-                    self.children.spawn(id);
+                    let manager = self.disturbance.route(id.role, Role::Manager, self.port.address());
+                    self.children.spawn(id, manager);
                 }
-                Action::Tell(id, command) => {
+                Action::Tell(id, mut command) => {
+                    self.disturbance.reroute(id, &mut command);
                     if !self.port.tell(id, command) {
                         tracing::error!("{id} does not read what it is told, and is killed");
                         self.children.kill(id);
@@ -148,8 +161,20 @@ impl Shell {
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
-                Action::Upload(bus, address) => self.upload(bus, address),
+                Action::Upload(bus, address) => {
+                    let address = self.disturbance.route(Role::Manager, bus.role, address);
+                    self.upload(bus, address);
+                }
             }
+        }
+    }
+
+    /// The faults that are due.
+    fn disturb(&mut self, state: &mut State) {
+        let Status { tiles_done, tiles, elapsed, .. } = status(state);
+        let progress = chaos::Progress { tiles_done, tiles, elapsed };
+        for text in self.disturbance.carry_out(state.now, progress, &mut self.children, &self.port) {
+            state.ledger.incident(state.now, format!("chaos: {text}"));
         }
     }
 

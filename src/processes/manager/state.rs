@@ -83,13 +83,8 @@ pub(super) struct State {
 impl State {
     /// The state, and the first actions.
     pub(super) fn start(plan: Plan) -> (Self, Vec<Action>) {
-        let mut queue = JobQueue::new(&plan.run, plan.tiling, plan.cluster);
-        if plan.record_references {
-            // A replay knows of accepted attempts only.
-            queue = queue.without_duplicates();
-        }
         let mut state = Self {
-            queue,
+            queue: JobQueue::new(&plan.run, plan.tiling, plan.cluster),
             ledger: Ledger::default(),
             verification: Verification::new(plan.run.verify, plan.run.seed),
             clusters: plan.cluster.ids().map(Cluster::new).collect(),

@@ -2,19 +2,23 @@
 //! the display, and tells the master when they have arrived.
 
 pub mod bus_lines;
+mod corruption;
+pub mod display_link;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
 pub mod whole_database;
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::Buf;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, timeout_at};
+use tokio::time::{Instant, sleep_until};
 
 pub use bus_lines::BusLines;
 
+use self::corruption::Corruption;
+use self::display_link::DisplayLink;
 use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
@@ -23,12 +27,11 @@ use crate::ids::{ClusterId, NodeId};
 use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::Role;
-use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
-/// For master and display to answer the hello.
+/// For the master to answer the hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
-/// For the display to acknowledge a tile.
+/// For the display to acknowledge a tile; for a new one to be there, when the last is not.
 const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
 
 #[derive(Debug, thiserror::Error)]
@@ -49,6 +52,8 @@ pub enum NodeError {
     PixelsRefused(String),
     #[error("the display acknowledged nothing for {} s", ACKNOWLEDGE_DEADLINE.as_secs())]
     Unacknowledged,
+    #[error("no display for {} s: {why}", ACKNOWLEDGE_DEADLINE.as_secs())]
+    NoDisplay { why: String },
     #[error("the manager is gone")]
     Orphaned,
 }
@@ -80,17 +85,27 @@ pub fn run() -> Result<(), NodeError> {
 
 /// Until the manager says that it is over.
 async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<(), NodeError> {
-    let configuration = match link.commands.recv().await {
-        Some(NodeCommand::Configure(configuration)) => *configuration,
-        Some(NodeCommand::Finish) => return Ok(()),
-        Some(NodeCommand::Display(_)) | None => return Err(NodeError::Orphaned),
+    let configuration = loop {
+        match link.commands.recv().await {
+            Some(NodeCommand::Configure(configuration)) => break *configuration,
+            // The configuration will say which display there is.
+            Some(NodeCommand::Display(_)) => {}
+            // Only a node that works can err.
+            Some(NodeCommand::Corrupt) => {}
+            Some(NodeCommand::Finish) => return Ok(()),
+            None => return Err(NodeError::Orphaned),
+        }
     };
     let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
                 Some(NodeCommand::Finish) => return Ok(()),
-                Some(NodeCommand::Display(_)) => continue,
+                Some(NodeCommand::Display(address)) => Event::NewDisplay(address),
+                Some(NodeCommand::Corrupt) => {
+                    shell.corruption = Some(Corruption::of(child.bootstrap.role));
+                    continue;
+                }
                 Some(NodeCommand::Configure(_)) => {
                     tracing::warn!("configured twice: the second is not heeded");
                     continue;
@@ -110,12 +125,13 @@ struct Shell {
     tracer: Tracer,
     to_master: Sender<WorkRequest>,
     from_master: Receiver<WorkReply>,
-    to_display: Sender<TilePixels>,
-    from_display: Receiver<ImageReply>,
+    display: DisplayLink,
     /// To the manager.
     reports: mpsc::Sender<NodeReport>,
-    /// Of the acknowledgement that is awaited.
+    /// When what the display owes is overdue.
     late: Instant,
+    /// `Some`: it was told to err.
+    corruption: Option<Corruption>,
 }
 
 impl Shell {
@@ -126,32 +142,27 @@ impl Shell {
     ) -> Result<Self, NodeError> {
         let master =
             connect(Role::Master(configuration.cluster), configuration.master, &introduction, CONNECT_DEADLINE).await?;
-        let display = connect(Role::Display, configuration.display, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
-        let (to_display, from_display) = display.split();
         let cluster = configuration.cluster;
-        let state = State::new(configuration.tiling);
+        let state = State::new(configuration.tiling, configuration.display);
+        let display = DisplayLink::dial(configuration.display, introduction.clone());
         let tracer = Tracer::start(configuration, introduction)?;
-        Ok(Self {
-            cluster,
-            state,
-            tracer,
-            to_master,
-            from_master,
-            to_display,
-            from_display,
-            reports,
-            late: Instant::now(),
-        })
+        let late = Instant::now() + ACKNOWLEDGE_DEADLINE;
+        Ok(Self { cluster, state, tracer, to_master, from_master, display, reports, late, corruption: None })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
     async fn event(&mut self) -> Result<Event, NodeError> {
-        let late = self.state.awaits_display().then_some(self.late);
+        let awaits_display = self.state.awaits_display();
         tokio::select! {
             said = self.tracer.said.recv() => match said {
                 Some(FromTracer::Ready(packets)) => Ok(Event::TracerReady(packets)),
-                Some(FromTracer::Traced(traced)) => Ok(Event::Traced(traced)),
+                Some(FromTracer::Traced(mut traced)) => {
+                    if let Some(corruption) = self.corruption {
+                        corruption.flip_a_bit(Arc::make_mut(&mut traced.pixels), traced.done.tile);
+                    }
+                    Ok(Event::Traced(traced))
+                }
                 Some(FromTracer::Failed(why)) => Err(NodeError::Tracer(why)),
                 None => Err(NodeError::Tracer("its thread ended".to_owned())),
             },
@@ -159,16 +170,17 @@ impl Shell {
                 Some(WorkReply::Job { tile, attempt }) => Ok(Event::Job { tile, attempt }),
                 None => Err(NodeError::Left(Role::Master(self.cluster))),
             },
-            reply = receive_until(&mut self.from_display, late) => match reply? {
-                Some(ImageReply::Acknowledged { tile, attempt }) => Ok(Event::Acknowledged { tile, attempt }),
-                Some(ImageReply::Refused(why)) => Err(NodeError::PixelsRefused(why)),
-                None => Err(NodeError::Left(Role::Display)),
+            event = self.display.event() => event,
+            () = sleep_until(self.late), if awaits_display => match self.display.loss() {
+                Some(why) => Err(NodeError::NoDisplay { why: why.to_owned() }),
+                None => Err(NodeError::Unacknowledged),
             },
         }
     }
 
     async fn handle(&mut self, event: Event) -> Result<(), NodeError> {
-        if matches!(event, Event::Traced(_) | Event::Acknowledged { .. }) {
+        let progress = matches!(event, Event::Traced(_) | Event::Acknowledged { .. } | Event::NewDisplay(_));
+        if progress || !self.state.awaits_display() {
             self.late = Instant::now() + ACKNOWLEDGE_DEADLINE;
         }
         for action in self.state.handle(event)? {
@@ -179,28 +191,12 @@ impl Shell {
                 Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
                 // There is room: no more tiles are asked for than the queue takes.
                 Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
-                Action::SendPixels { tile, attempt, pixels } => {
-                    let planes = pixels.planes();
-                    let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
-                    let [colour, depth, normal, primitive] = planes;
-                    let planes = colour.chain(depth).chain(normal).chain(primitive);
-                    self.to_display.send_with_bulk(&TilePixels { tile, attempt, crc32c }, planes).await?;
-                }
+                Action::DialDisplay { address, pause } => self.display.redial(address, pause),
+                Action::SendPixels { tile, attempt, pixels } => self.display.send(tile, attempt, &pixels).await,
             }
         }
         Ok(())
     }
-}
-
-async fn receive_until(
-    display: &mut Receiver<ImageReply>,
-    late: Option<Instant>,
-) -> Result<Option<ImageReply>, NodeError> {
-    match late {
-        Some(late) => timeout_at(late, display.receive()).await.map_err(|_| NodeError::Unacknowledged)?,
-        None => display.receive().await,
-    }
-    .map_err(NodeError::from)
 }
 
 #[cfg(test)]
