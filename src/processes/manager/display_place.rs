@@ -31,9 +31,11 @@ impl State {
             return;
         }
         let lost = self.queue.redo(has);
-        if lost > 0 {
+        if !lost.is_empty() {
+            let count = lost.len();
+            lost.into_iter().for_each(|tile_of| self.ledger.take_back(tile_of));
             self.ledger
-                .incident(self.now, format!("the journal lacks {lost} tiles that were done: they are done again"));
+                .incident(self.now, format!("the journal lacks {count} tiles that were done: they are done again"));
         }
     }
 
@@ -117,6 +119,12 @@ impl State {
 
     /// These tiles are to be done again.
     pub(super) fn revoke(&mut self, tiles: &[TileId]) {
+        for &tile in tiles {
+            // The frame's pixels of a tile and those that were counted may be two processes'.
+            if self.queue.accepted(tile).is_some() {
+                self.ledger.take_back(self.queue.producer(tile));
+            }
+        }
         let revocations: Vec<_> = tiles.iter().filter_map(|&tile| self.queue.revoke(tile)).collect();
         self.tell_to_forget(&revocations);
     }

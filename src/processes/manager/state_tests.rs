@@ -322,7 +322,7 @@ fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
     let told = |report| Event::Report(next, Report::Display(report));
     // It has tile 1 alone: tile 0 is done again.
     stage.happens(told(DisplayReport::Restored(vec![0b10])));
-    assert_eq!(stage.state.queue.missing(), 3);
+    assert_eq!((stage.state.queue.missing(), stage.state.ledger.total().tiles), (3, 1));
     let actions = stage.happens(told(DisplayReport::Listening(address(9))));
     let expected = Action::Tell(node(0, 0), Command::Node(NodeCommand::Display(address(9))));
     assert!(actions.contains(&expected), "{actions:?}");
