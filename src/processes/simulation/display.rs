@@ -1,154 +1,152 @@
-//! A display whose journal is a list: what `display/mod.rs` does, with the frame for a hash.
+//! A display's shell in virtual time: the real state, what `display/mod.rs` does around it, and a journal that is a list.
 
 use std::collections::BTreeMap;
 
-use sha2::{Digest, Sha256};
-
-use super::child::{Child, WELL};
+use super::child::{BADLY, Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::processes::manager::process::{Command, ProcessId, Report};
-use crate::protocol::control::{Comparison, DisplayCommand, DisplayReport, DisplayTotals, Revocation, TileResult};
-use crate::protocol::image::{ImageReply, TilePixels};
+use crate::ids::{Attempt, TileId};
+use crate::journal::{Record, RunId};
+use crate::processes::display::state::{Action, ConnectionId, Event, Finished, Source, State};
+use crate::processes::manager::process::{Command, Report};
+use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
+
+const RUN: RunId = RunId(1);
 
 /// What outlives the displays.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Journal {
-    records: Vec<Record>,
+    entries: Vec<Entry>,
 }
 
-#[derive(Clone, Debug)]
-enum Record {
-    Pixels(TileId, Kept),
-    Revoked(Revocation),
-}
-
-/// What is in the frame of a tile.
-#[derive(Clone, PartialEq, Debug)]
-pub(super) struct Kept {
-    attempt: Attempt,
-    pub(super) source: (NodeId, Epoch),
-    pub(super) bytes: Vec<u8>,
+#[derive(Debug)]
+enum Entry {
+    Pixels { tile: TileId, attempt: Attempt, source: Source, planes: Vec<u8> },
+    Revoked { tile: TileId, attempt: Attempt },
 }
 
 #[derive(Debug)]
 pub(super) struct Display {
     pub(super) child: Child,
-    tiles: u32,
-    pub(super) frame: BTreeMap<TileId, Kept>,
-    revoked: BTreeMap<TileId, Attempt>,
-    stale: u64,
-    peers: BTreeMap<Wire, ProcessId>,
+    /// Once it is configured, and until it is to finish.
+    state: Option<State>,
+    peers: BTreeMap<ConnectionId, (Wire, Source)>,
+    connections: u64,
     /// The image is written.
-    pub(super) finished: bool,
+    pub(super) finished: Option<Finished>,
+}
+
+impl Journal {
+    fn append(&mut self, record: &Record) {
+        self.entries.push(match *record {
+            Record::Pixels { tile, attempt, source, planes } => {
+                Entry::Pixels { tile, attempt, source, planes: planes.to_vec() }
+            }
+            Record::Revoked { tile, attempt } => Entry::Revoked { tile, attempt },
+        });
+    }
+
+    fn restore(&self, state: &mut State) {
+        for entry in &self.entries {
+            let record = match entry {
+                Entry::Pixels { tile, attempt, source, planes } => {
+                    Record::Pixels { tile: *tile, attempt: *attempt, source: *source, planes }
+                }
+                Entry::Revoked { tile, attempt } => Record::Revoked { tile: *tile, attempt: *attempt },
+            };
+            state.restore(RUN, &record);
+        }
+    }
+
+    /// Whose pixels of a tile were taken last.
+    pub(super) fn source(&self, of: TileId) -> Option<Source> {
+        self.entries.iter().rev().find_map(|entry| match entry {
+            Entry::Pixels { tile, source, .. } if *tile == of => Some(*source),
+            _ => None,
+        })
+    }
 }
 
 impl Display {
-    pub(super) fn new(child: Child, tiles: u32) -> Self {
-        Self {
-            child,
-            tiles,
-            frame: BTreeMap::new(),
-            revoked: BTreeMap::new(),
-            stale: 0,
-            peers: BTreeMap::new(),
-            finished: false,
-        }
+    pub(super) fn new(child: Child) -> Self {
+        Self { child, state: None, peers: BTreeMap::new(), connections: 0, finished: None }
     }
 
     pub(super) fn arrived(&mut self, network: &mut Network, journal: &mut Journal, wire: Wire, parcel: Parcel) {
         match parcel {
             Parcel::Hello(peer) => {
-                self.peers.insert(wire, peer);
+                let Some(node) = peer.node() else { return network.close(self.child.me, wire) };
+                self.peers.insert(ConnectionId(self.connections), (wire, (node, peer.epoch)));
+                self.connections += 1;
                 network.welcome(self.child.me, wire);
             }
-            Parcel::End => drop(self.peers.remove(&wire)),
+            Parcel::End => self.peers.retain(|_, (other, _)| *other != wire),
             Parcel::Message(Message::Command(Command::Display(command))) => self.obey(network, journal, command),
-            Parcel::Message(Message::Pixels(pixels, bytes)) => self.take(network, journal, wire, &pixels, bytes),
+            Parcel::Message(Message::Pixels(tile, bytes)) => {
+                let Some((&from, &(_, source))) = self.peers.iter().find(|(_, (other, _))| *other == wire) else {
+                    return;
+                };
+                self.handle(network, journal, Event::Tile { from, source, tile, bytes: &bytes });
+            }
             _ => {}
         }
     }
 
     fn obey(&mut self, network: &mut Network, journal: &mut Journal, command: DisplayCommand) {
         match command {
-            DisplayCommand::Configure(configuration) => {
-                if !configuration.resume {
-                    *journal = Journal::default();
-                }
-                journal.records.iter().for_each(|record| match record {
-                    Record::Pixels(tile, kept) => drop(self.frame.insert(*tile, kept.clone())),
-                    Record::Revoked(revocation) => self.revoke(*revocation),
-                });
-                let mut bits = vec![0; self.tiles.div_ceil(8) as usize];
-                self.frame.keys().for_each(|tile| bits[tile.0 as usize / 8] |= 1 << (tile.0 % 8));
-                self.report(network, DisplayReport::Restored(bits));
-                self.report(network, DisplayReport::Listening(Network::address(self.child.me)));
-            }
-            DisplayCommand::Revoke(revocations) => {
-                for revocation in &revocations {
-                    self.revoke(*revocation);
-                    journal.records.push(Record::Revoked(*revocation));
-                }
-                self.report(network, DisplayReport::Revoked(revocations));
-            }
+            DisplayCommand::Configure(configuration) => self.configure(network, journal, &configuration),
+            DisplayCommand::Revoke(revocations) => self.handle(network, journal, Event::Revoke(revocations)),
             DisplayCommand::Finish => {
-                self.finished = true;
-                let mut hash = Sha256::new();
-                self.frame.values().for_each(|kept| hash.update(&kept.bytes));
-                let hash: [u8; 32] = hash.finalize().into();
-                self.report(
-                    network,
-                    DisplayReport::Finished(DisplayTotals {
-                        sha256: hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-                        tiles_done: self.frame.len() as u32,
-                        tiles_stale: self.stale,
-                        wire_bytes: 0,
-                        written: Vec::new(),
-                    }),
-                );
-                for wire in std::mem::take(&mut self.peers).into_keys() {
+                let Some(state) = self.state.take() else { return network.exit(self.child.me, BADLY) };
+                for (wire, _) in std::mem::take(&mut self.peers).into_values() {
                     network.close(self.child.me, wire);
                 }
+                let finished = state.finish();
+                let totals = DisplayTotals {
+                    sha256: finished.frame.sha256(),
+                    tiles_done: finished.tiles_done,
+                    tiles_stale: finished.tiles_stale,
+                    wire_bytes: 0,
+                    written: Vec::new(),
+                };
+                self.finished = Some(finished);
+                self.report(network, DisplayReport::Finished(totals));
                 self.child.close(network, WELL);
             }
         }
     }
 
-    fn revoke(&mut self, Revocation { tile, attempt }: Revocation) {
-        if self.frame.get(&tile).is_some_and(|kept| kept.attempt <= attempt) {
-            self.frame.remove(&tile);
+    fn configure(&mut self, network: &mut Network, journal: &mut Journal, configuration: &DisplayConfiguration) {
+        let Ok(mut state) = State::new(configuration, RUN) else { return network.exit(self.child.me, BADLY) };
+        if !configuration.resume {
+            *journal = Journal::default();
         }
-        let revoked = self.revoked.entry(tile).or_insert(attempt);
-        *revoked = (*revoked).max(attempt);
+        journal.restore(&mut state);
+        self.report(network, DisplayReport::Restored(state.restored()));
+        self.report(network, DisplayReport::Listening(Network::address(self.child.me)));
+        self.state = Some(state);
     }
 
-    fn take(&mut self, network: &mut Network, journal: &mut Journal, wire: Wire, pixels: &TilePixels, bytes: Vec<u8>) {
-        let TilePixels { tile, attempt, .. } = *pixels;
-        let Some(peer) = self.peers.get(&wire) else { return };
-        let Some(node) = peer.node() else { return };
-        let this = Kept { attempt, source: (node, peer.epoch), bytes };
-        let is_revoked = self.revoked.get(&tile).is_some_and(|revoked| attempt <= *revoked);
-        match self.frame.get(&tile) {
-            _ if is_revoked => self.stale += 1,
-            Some(kept) if *kept == this => {}
-            Some(kept) => {
-                self.stale += 1;
-                let (kept, other) = (result(kept), result(&this));
-                self.report(network, DisplayReport::Compared(Comparison { tile, kept, other }));
-            }
-            None => {
-                journal.records.push(Record::Pixels(tile, this.clone()));
-                self.frame.insert(tile, this);
+    fn handle(&mut self, network: &mut Network, journal: &mut Journal, event: Event) {
+        let Some(state) = &mut self.state else { return };
+        for action in state.handle(event) {
+            match action {
+                Action::Append(record) => journal.append(&record),
+                Action::Reply(to, reply) => {
+                    if let Some(&(wire, _)) = self.peers.get(&to) {
+                        network.send(self.child.me, wire, Message::Reply(reply));
+                    }
+                }
+                Action::Dismiss(node) => {
+                    if let Some((wire, _)) = self.peers.remove(&node) {
+                        network.close(self.child.me, wire);
+                    }
+                }
+                Action::Report(report) => self.child.report(network, Report::Display(report)),
             }
         }
-        network.send(self.child.me, wire, Message::Reply(ImageReply::Acknowledged { tile, attempt }));
     }
 
     fn report(&self, network: &mut Network, report: DisplayReport) {
         self.child.report(network, Report::Display(report));
     }
-}
-
-fn result(kept: &Kept) -> TileResult {
-    TileResult { attempt: kept.attempt, source: Some(kept.source), digest: Sha256::digest(&kept.bytes).into() }
 }

@@ -65,8 +65,10 @@ pub(super) enum Timer {
     Dialled(Wire),
     /// The tracer is done with its tile.
     Traced,
-    /// The display has not acknowledged; counts, so that an earlier one can be told.
-    Acknowledgement(u64),
+    /// The pause before the display is dialled for so many a time is over.
+    Redial(u64),
+    /// Time to look whether the display owes something.
+    Late,
     /// Nobody hangs up.
     Farewell,
 }

@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::child::{BADLY, CONNECT_DEADLINE, Child, WELL};
@@ -20,6 +21,7 @@ use crate::tracer::simd::Simd;
 
 /// As the shell's.
 const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
+const BUS_DEADLINE: Duration = Duration::from_secs(10);
 
 #[derive(Debug)]
 pub(super) struct Node {
@@ -27,22 +29,28 @@ pub(super) struct Node {
     /// From now on what it renders is wrong.
     pub(super) corrupt: bool,
     configuration: Option<Box<NodeConfiguration>>,
-    /// Once master and display have let it in.
+    /// Once the master has let it in.
     state: Option<State>,
     master: Option<Wire>,
     bus: Option<Wire>,
-    display: Option<Wire>,
-    display_welcome: bool,
+    display: DisplayLink,
     /// The tracer has the database.
     ready: bool,
     /// What is said to it before it has a state.
     early: VecDeque<NodeCommand>,
     jobs: VecDeque<Job>,
     tracing: Option<Job>,
-    /// Sent to a display and not acknowledged, in order.
-    unacknowledged: Vec<(TileId, Attempt, Pixels)>,
-    /// The number of the acknowledgement that is awaited.
-    awaited: u64,
+    /// When what the display owes is overdue.
+    late: Duration,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct DisplayLink {
+    address: Option<SocketAddr>,
+    wire: Option<Wire>,
+    reached: bool,
+    /// How often it was to be dialled: a timer of an earlier time does not count.
+    dialled: u64,
 }
 
 impl Node {
@@ -54,14 +62,12 @@ impl Node {
             state: None,
             master: None,
             bus: None,
-            display: None,
-            display_welcome: false,
+            display: DisplayLink { address: None, wire: None, reached: false, dialled: 0 },
             ready: false,
             early: VecDeque::new(),
             jobs: VecDeque::new(),
             tracing: None,
-            unacknowledged: Vec::new(),
-            awaited: 0,
+            late: Duration::ZERO,
         }
     }
 
@@ -69,26 +75,26 @@ impl Node {
         let wire = Some(wire);
         match parcel {
             Parcel::Message(Message::Command(Command::Node(command))) => self.command(network, command),
-            Parcel::Welcome if wire == self.master => self.dial_display(network),
-            Parcel::Welcome if wire == self.display => self.display_welcomes(network),
+            Parcel::Welcome if wire == self.master => self.start(network),
+            Parcel::Welcome if wire == self.display.wire => {
+                self.display.reached = true;
+                self.handle(network, Event::DisplayReached);
+            }
             // The database, in one piece.
             Parcel::Welcome if wire == self.bus => self.fetch(network, TileId(0), Attempt(0), 0, 0),
             Parcel::Message(Message::Data) if wire == self.bus => self.data(network),
             Parcel::Message(Message::Job { tile, attempt }) if wire == self.master => {
                 self.handle(network, Event::Job { tile, attempt });
             }
-            Parcel::Message(Message::Reply(ImageReply::Acknowledged { tile, attempt })) if wire == self.display => {
-                self.unacknowledged.retain(|sent| (sent.0, sent.1) != (tile, attempt));
-                self.handle(network, Event::Acknowledged { tile, attempt });
-            }
-            Parcel::Message(Message::Reply(ImageReply::Refused(why))) if wire == self.display => {
-                self.fail(network, format!("the display refused a tile: {why}"));
-            }
+            Parcel::Message(Message::Reply(reply)) if wire == self.display.wire => match reply {
+                ImageReply::Acknowledged { tile, attempt } => {
+                    self.handle(network, Event::Acknowledged { tile, attempt });
+                }
+                ImageReply::Refused(why) => self.fail(network, format!("the display refused a tile: {why}")),
+            },
             Parcel::End if wire == self.master => self.fail(network, "the master left".to_owned()),
             Parcel::End if wire == self.bus => self.fail(network, "tracer: the bus left".to_owned()),
-            // The manager will say where the next one is.
-            Parcel::End if wire == self.display && self.state.is_some() => self.leave_display(network),
-            Parcel::End if wire == self.display => self.fail(network, "the display left".to_owned()),
+            Parcel::End if wire == self.display.wire => self.lose_display(network),
             _ => {}
         }
     }
@@ -96,82 +102,82 @@ impl Node {
     pub(super) fn timer(&mut self, network: &mut Network, timer: Timer) {
         match timer {
             Timer::Traced => self.traced(network),
+            Timer::Redial(dialled) if dialled == self.display.dialled => {
+                self.display.wire = self
+                    .display
+                    .address
+                    .map(|display| network.dial(self.child.me, self.child.id, display, CONNECT_DEADLINE));
+            }
             Timer::Dialled(wire) => {
                 let wire = Some(wire);
-                let late = (wire == self.master && self.display.is_none() && self.state.is_none())
-                    || (wire == self.display && !self.display_welcome && self.state.is_none())
-                    || (wire == self.bus && !self.ready);
-                if late {
+                if (wire == self.master && self.state.is_none()) || (wire == self.bus && !self.ready) {
                     self.fail(network, "nobody answered in time".to_owned());
-                } else if wire == self.display && !self.display_welcome {
-                    self.leave_display(network);
+                } else if wire == self.display.wire && !self.display.reached {
+                    self.lose_display(network);
                 }
             }
-            Timer::Acknowledgement(awaited) if awaited == self.awaited && self.display_welcome => {
-                if self.state.as_ref().is_some_and(State::awaits_display) {
-                    self.fail(network, "the display acknowledged nothing for 30 s".to_owned());
-                }
-            }
+            Timer::Late => self.look_at_display(network),
             _ => {}
         }
     }
 
     fn command(&mut self, network: &mut Network, command: NodeCommand) {
-        match command {
-            NodeCommand::Configure(configuration) if self.configuration.is_none() => {
+        match (command, &self.configuration, self.state.is_some()) {
+            (NodeCommand::Configure(configuration), None, _) => {
                 self.master = Some(network.dial(self.child.me, self.child.id, configuration.master, CONNECT_DEADLINE));
                 self.configuration = Some(configuration);
             }
-            NodeCommand::Configure(_) => {}
-            NodeCommand::Finish if self.configuration.is_none() || self.state.is_some() => {
+            (NodeCommand::Finish, None, _) | (NodeCommand::Finish, _, true) => {
                 self.child.report(network, Report::Node(NodeReport::Finished));
                 self.end(network, WELL);
             }
-            NodeCommand::Display(address) if self.state.is_some() => {
-                self.leave_display(network);
-                self.dial(network, address);
-            }
-            command => self.early.push_back(command),
+            // The configuration will say which display there is.
+            (NodeCommand::Display(_), None, _) | (NodeCommand::Configure(_), ..) => {}
+            (NodeCommand::Display(address), _, true) => self.handle(network, Event::NewDisplay(address)),
+            (NodeCommand::Corrupt, ..) => self.corrupt = true,
+            (command, Some(_), false) => self.early.push_back(command),
         }
     }
 
-    fn dial_display(&mut self, network: &mut Network) {
-        if let Some(configuration) = &self.configuration {
-            self.dial(network, configuration.display);
-        }
-    }
-
-    fn dial(&mut self, network: &mut Network, display: SocketAddr) {
-        self.display = Some(network.dial(self.child.me, self.child.id, display, CONNECT_DEADLINE));
-    }
-
-    fn leave_display(&mut self, network: &mut Network) {
-        self.display_welcome = false;
-        if let Some(display) = self.display.take() {
-            network.close(self.child.me, display);
-        }
-    }
-
-    fn display_welcomes(&mut self, network: &mut Network) {
-        self.display_welcome = true;
+    /// The master has let it in.
+    fn start(&mut self, network: &mut Network) {
         let Some(configuration) = &self.configuration else { return };
-        if self.state.is_none() {
-            self.state = Some(State::new(configuration.tiling));
-            self.bus = Some(network.dial(self.child.me, self.child.id, configuration.bus, CONNECT_DEADLINE));
-            for command in std::mem::take(&mut self.early) {
-                self.command(network, command);
-            }
-            return;
+        let (display, bus) = (configuration.display, configuration.bus);
+        self.state = Some(State::new(configuration.tiling, display));
+        self.bus = Some(network.dial(self.child.me, self.child.id, bus, BUS_DEADLINE));
+        self.late = network.now + ACKNOWLEDGE_DEADLINE;
+        network.wake(self.child.me, ACKNOWLEDGE_DEADLINE, Timer::Late);
+        self.redial(network, display, Duration::ZERO);
+        for command in std::mem::take(&mut self.early) {
+            self.command(network, command);
         }
-        for (tile, attempt, pixels) in &self.unacknowledged {
-            self.send_pixels(network, *tile, *attempt, pixels);
-        }
-        self.await_display(network);
     }
 
-    fn await_display(&mut self, network: &mut Network) {
-        self.awaited += 1;
-        network.wake(self.child.me, ACKNOWLEDGE_DEADLINE, Timer::Acknowledgement(self.awaited));
+    /// Leaves whatever connection there is, and makes another after a pause.
+    fn redial(&mut self, network: &mut Network, display: SocketAddr, pause: Duration) {
+        if let Some(wire) = self.display.wire.take() {
+            network.close(self.child.me, wire);
+        }
+        let dialled = self.display.dialled + 1;
+        self.display = DisplayLink { address: Some(display), wire: None, reached: false, dialled };
+        network.wake(self.child.me, pause, Timer::Redial(dialled));
+    }
+
+    fn lose_display(&mut self, network: &mut Network) {
+        if let Some(wire) = self.display.wire.take() {
+            network.close(self.child.me, wire);
+        }
+        self.display.reached = false;
+        self.handle(network, Event::DisplayLost);
+    }
+
+    fn look_at_display(&mut self, network: &mut Network) {
+        let Some(state) = &self.state else { return };
+        if network.now >= self.late && state.awaits_display() {
+            return self.fail(network, "the display owes something for too long".to_owned());
+        }
+        let after = self.late.saturating_sub(network.now).max(Duration::from_secs(1));
+        network.wake(self.child.me, after, Timer::Late);
     }
 
     fn fetch(&self, network: &mut Network, tile: TileId, attempt: Attempt, fetches: u64, bytes: u64) {
@@ -195,7 +201,7 @@ impl Node {
         }
         let done = Box::new(fake_tracer::done(job.tile, job.attempt, size));
         self.trace(network);
-        self.handle(network, Event::Traced(Traced { done, pixels }));
+        self.handle(network, Event::Traced(Traced { done, pixels: Arc::new(pixels) }));
     }
 
     /// Begins with the next tile.
@@ -222,10 +228,11 @@ impl Node {
     }
 
     fn handle(&mut self, network: &mut Network, event: Event) {
-        if matches!(event, Event::Traced(_) | Event::Acknowledged { .. }) {
-            self.await_display(network);
-        }
         let (Some(state), false) = (&mut self.state, self.child.is_closing()) else { return };
+        let progress = matches!(event, Event::Traced(_) | Event::Acknowledged { .. } | Event::NewDisplay(_));
+        if progress || !state.awaits_display() {
+            self.late = network.now + ACKNOWLEDGE_DEADLINE;
+        }
         let actions = match state.handle(event) {
             Ok(actions) => actions,
             Err(violation) => return self.fail(network, violation.to_string()),
@@ -241,10 +248,8 @@ impl Node {
                     self.jobs.push_back(job);
                     self.trace(network);
                 }
-                Action::SendPixels { tile, attempt, pixels } => {
-                    self.send_pixels(network, tile, attempt, &pixels);
-                    self.unacknowledged.push((tile, attempt, pixels));
-                }
+                Action::DialDisplay { address, pause } => self.redial(network, address, pause),
+                Action::SendPixels { tile, attempt, pixels } => self.send_pixels(network, tile, attempt, &pixels),
             }
         }
     }
@@ -256,7 +261,7 @@ impl Node {
     }
 
     fn send_pixels(&self, network: &mut Network, tile: TileId, attempt: Attempt, pixels: &Pixels) {
-        let Some(display) = self.display.filter(|_| self.display_welcome) else { return };
+        let Some(display) = self.display.wire.filter(|_| self.display.reached) else { return };
         let mut bytes = Vec::new();
         pixels.write_bytes(&mut bytes);
         let pixels = TilePixels { tile, attempt, crc32c: crc32c::crc32c(&bytes) };
@@ -269,7 +274,7 @@ impl Node {
     }
 
     fn end(&mut self, network: &mut Network, how: &'static str) {
-        for wire in [self.master.take(), self.bus.take(), self.display.take()].into_iter().flatten() {
+        for wire in [self.master.take(), self.bus.take(), self.display.wire.take()].into_iter().flatten() {
             network.close(self.child.me, wire);
         }
         (self.state, self.tracing) = (None, None);

@@ -5,11 +5,20 @@ const SLICE: u64 = 200;
 
 #[test]
 fn whatever_goes_wrong_the_promises_are_kept() {
-    for seed in 0..SLICE {
+    let slice = std::env::var("SCHEDULES").ok().and_then(|s| s.parse().ok()).unwrap_or(SLICE);
+    let first = std::env::var("FIRST").ok().and_then(|s| s.parse().ok()).unwrap_or(0);
+    let mut bad = 0;
+    for seed in first..first + slice {
         let schedule = Schedule::random(seed);
         let outcome = rehearse(&schedule, None);
-        assert!(outcome.broken.is_empty(), "{schedule}\n{:#?}\n{:#?}", outcome.broken, outcome.incidents);
+        if !outcome.broken.is_empty() {
+            bad += 1;
+            if bad < 12 {
+                println!("{schedule}\n{:#?}\n{:#?} {:?}", outcome.broken, outcome.incidents, outcome.end);
+            }
+        }
     }
+    assert_eq!(bad, 0);
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub(super) struct World<'a> {
     pub(super) network: Network,
     pub(super) manager: Rehearsal,
     pub(super) watch: Stopwatch,
-    journal: Journal,
+    pub(super) journal: Journal,
     /// By actor; the manager has none.
     pub(super) bodies: Vec<Option<Body>>,
     actors: HashMap<ProcessId, Actor>,
@@ -158,7 +158,7 @@ impl<'a> World<'a> {
         self.bodies.push(Some(match id.role {
             Role::Bus(_) => Body::Bus(Bus::new(child)),
             Role::Master(_) => Body::Master(Box::new(Master::new(child))),
-            Role::Display => Body::Display(Box::new(Display::new(child, self.schedule.tiles()))),
+            Role::Display => Body::Display(Box::new(Display::new(child))),
             Role::Node(_) | Role::Manager => Body::Node(Box::new(Node::new(child))),
         }));
     }
