@@ -316,10 +316,11 @@ impl State {
     fn hand_out(&mut self) {
         for cluster in self.plan.cluster.ids() {
             let Cluster { wanted, .. } = *self.cluster(cluster);
-            if wanted == 0 || self.cluster(cluster).servers().is_none() {
+            let available = self.available(cluster);
+            // A master without nodes would give all of it back.
+            if wanted == 0 || available.is_empty() || self.cluster(cluster).servers().is_none() {
                 continue;
             }
-            let available = self.available(cluster);
             let grants = self.queue.grants(cluster, wanted, &available, self.now);
             if !grants.is_empty() {
                 self.cluster(cluster).wanted -= grants.len() as u32;

@@ -285,6 +285,16 @@ fn a_cluster_whose_server_dies_starts_again_with_all_it_has() {
 }
 
 #[test]
+fn a_cluster_without_nodes_gets_no_tiles() {
+    let mut plan = sample::plan(1, 4);
+    plan.cluster.count = 2;
+    let mut stage = Stage::configured(plan, 0);
+    stage.state.set_aside(NodeId(0), "it is corrupt");
+    let actions = stage.master(MasterReport::TilesWanted(4));
+    assert!(granted(&actions).is_empty(), "its master would give them back: {actions:?}");
+}
+
+#[test]
 fn what_a_dead_cluster_still_says_does_not_count() {
     let mut stage = Stage::running(1, 2);
     stage.exits(BUS);
