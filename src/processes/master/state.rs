@@ -106,7 +106,7 @@ impl State {
                 self.asked = self.asked.saturating_sub(grants.len() as u32);
                 self.queue.extend(grants);
             }
-            MasterCommand::NodeLost { node, epoch } => self.lose(NodeProcess { node, epoch }),
+            MasterCommand::NodeLost { node, epoch } => self.bury(NodeProcess { node, epoch }),
             MasterCommand::NodeSetAside { node } => {
                 if let Some(place) = self.place(node) {
                     self.seats[place].set_aside = true;
@@ -119,15 +119,15 @@ impl State {
 
     fn connected(&mut self, process: NodeProcess) {
         let Some(place) = self.place(process.node) else { return };
-        let Seat { epoch, set_aside, .. } = self.seats[place];
-        if epoch.is_some_and(|current| process.epoch <= current) {
-            return self.dismiss(process, "has a successor, or came twice");
+        let Seat { epoch, dead, set_aside, .. } = self.seats[place];
+        if epoch.is_some_and(|current| process.epoch <= current) || self.seats[place].is_dead(process.epoch) {
+            return self.dismiss(process, "is dead, has a successor, or came twice");
         }
         // A process is replaced when it is dead only.
         if let Some(epoch) = epoch {
             self.lose(NodeProcess { epoch, ..process });
         }
-        self.seats[place] = Seat { set_aside, ..Seat::taken_by(process.epoch) };
+        self.seats[place] = Seat { dead, set_aside, ..Seat::taken_by(process.epoch) };
     }
 
     fn disconnected(&mut self, process: NodeProcess) {
@@ -138,7 +138,7 @@ impl State {
 
     fn ready(&mut self, process: NodeProcess) {
         let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
-        let Some(seat) = self.seat(process) else { return };
+        let Some(seat) = self.seat(process).filter(|seat| !seat.is_dead(process.epoch)) else { return };
         if seat.held.len() + waiting >= JOBS_PER_NODE {
             return self.dismiss(process, &format!("asked for more than {JOBS_PER_NODE} tiles"));
         }
@@ -158,6 +158,15 @@ impl State {
             self.totals.attempts_stale += 1;
         } else {
             self.dismiss(process, &format!("told the end of {tile}, {attempt}, which it does not hold"));
+        }
+    }
+
+    /// The manager says that the process is dead. What it said before may arrive only now.
+    fn bury(&mut self, process: NodeProcess) {
+        self.lose(process);
+        if let Some(place) = self.place(process.node) {
+            let dead = &mut self.seats[place].dead;
+            *dead = (*dead).max(Some(process.epoch));
         }
     }
 
@@ -415,6 +424,20 @@ mod tests {
         // Told again, nothing is lost twice.
         assert!(reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) })).is_empty());
         assert_eq!(totals(&mut state), MasterTotals { attempts_issued: 2, attempts_lost: 2, ..Default::default() });
+    }
+
+    #[test]
+    fn a_dead_node_gets_nothing_whatever_it_asked_for() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None)]);
+        let dead = MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(1) };
+        command(&mut state, dead);
+        assert!(handed(&ready(&mut state, 0)).is_empty(), "it asked before it died");
+        let late = at(&mut state, 1, Event::Connected(NodeProcess { node: NodeId(0), epoch: Epoch(1) }));
+        assert!(late.iter().any(|action| matches!(action, Action::Dismiss(_))), "it died before it was let in");
+        let next = NodeProcess { node: NodeId(0), epoch: Epoch(2) };
+        at(&mut state, 1, Event::Connected(next));
+        assert_eq!(handed(&at(&mut state, 1, Event::Request(next, WorkRequest::Ready))), [(0, 0)]);
     }
 
     #[test]
