@@ -48,13 +48,18 @@ impl State {
         // What its predecessor was asked, it may not have done.
         let unconfirmed = self.queue.unconfirmed();
         self.tell_to_forget(&unconfirmed);
+        self.ask_for_comparisons();
+        self.configure_nodes();
+    }
+
+    /// Tiles that are to be compared and that nobody renders are rendered once more.
+    pub(super) fn ask_for_comparisons(&mut self) {
         let awaited: Vec<_> = self.verification.awaited().collect();
         for (tile, nodes) in awaited {
             if !self.queue.checks(tile) {
                 self.queue.check(tile, nodes);
             }
         }
-        self.configure_nodes();
     }
 
     /// The display is dead: another one takes its place, unless too many have failed in a row.

@@ -137,6 +137,17 @@ impl JobQueue {
         self.out.len()
     }
 
+    /// Whether all is done, and nobody works on anything.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
+    }
+
+    /// How a tile stands, for whoever looks for a fault here.
+    pub(super) fn describe(&self, tile: TileId) -> String {
+        let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
+        format!("{tile}: {:?}, out {out:?}", self.tiles.get(tile.0 as usize))
+    }
+
     /// Checks that no master has yet.
     pub(super) fn waiting_checks(&self) -> usize {
         self.checks.len()

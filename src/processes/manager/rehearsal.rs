@@ -73,6 +73,17 @@ impl Rehearsal {
         self.state.queue.accepted(tile)
     }
 
+    /// How each tile stands that is not done.
+    pub(in crate::processes) fn describe_missing(&self) -> Vec<String> {
+        let queue = &self.state.queue;
+        let missing = (0..queue.total()).map(TileId).filter(|tile| queue.accepted(*tile).is_none());
+        let mut missing: Vec<_> = missing.map(|tile| queue.describe(tile)).collect();
+        missing
+            .extend(self.state.verification.awaited().map(|(tile, by)| format!("{tile} is to be compared, by {by:?}")));
+        missing.push(format!("{:?}", self.state.clusters));
+        missing
+    }
+
     /// Attempts at tiles that were done or under way already.
     pub(in crate::processes) fn reissued(&self) -> u64 {
         self.state.queue.reissued()

@@ -347,6 +347,9 @@ impl State {
         for (id, why) in self.table.overdue(self.now, &self.plan.run.deadlines) {
             self.doom(id, why);
         }
+        if self.verification.is_overdue(self.now, self.queue.is_quiet()) {
+            self.ask_for_comparisons();
+        }
         self.tick_ending();
     }
 

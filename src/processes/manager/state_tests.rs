@@ -416,6 +416,23 @@ fn a_corrupt_node_is_found_out_and_its_tiles_are_done_again() {
 }
 
 #[test]
+fn a_comparison_that_was_lost_is_made_again() {
+    let mut plan = sample::plan(2, 1);
+    plan.run.verify = 1.0;
+    let mut stage = Stage::configured(plan, 1);
+    stage.done(0, 0, 0);
+    assert_eq!(granted(&stage.master(MasterReport::TilesWanted(9)))[0].attempt, Attempt(1));
+    // The display died after it had acknowledged the second result, and before it told.
+    assert!(granted(&stage.done(1, 0, 1)).is_empty());
+    assert!(granted(&stage.happens(Event::Tick)).is_empty());
+    stage.now += Duration::from_secs(1);
+    let again = granted(&stage.happens(Event::Tick));
+    assert_eq!((again[0].attempt, &again[0].except[..]), (Attempt(2), &[NodeId(0)][..]));
+    stage.now += Duration::from_secs(1);
+    assert!(granted(&stage.happens(Event::Tick)).is_empty(), "once at a time");
+}
+
+#[test]
 fn an_interrupted_run_is_over_in_time_whoever_hangs() {
     let mut stage = Stage::running(1, 4);
     assert!(stage.happens(Event::Signal(Interrupt::Sigint)).contains(&Action::Kill(node(0, 0))));
