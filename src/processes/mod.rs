@@ -11,6 +11,7 @@ pub mod manager;
 pub mod master;
 pub mod node;
 pub mod player;
+pub mod simulation;
 pub mod token;
 
 pub use bootstrap::{Child, StartError};

@@ -12,7 +12,7 @@ use crate::protocol::image::{ImageReply, TilePixels};
 use crate::tracer::{Pixels, Rect, Tiling};
 
 /// A connection of a node, numbered as they come.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ConnectionId(pub u64);
 
 /// Which process traced.

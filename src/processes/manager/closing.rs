@@ -167,6 +167,11 @@ fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
     node.collect()
 }
 
+/// Who owes whom; `None` when no bus and no master lived to close its books.
+pub(super) fn books(state: &State) -> Option<Conservation> {
+    conservation(state, &counted(state), state.plan.cluster.local_memory.line)
+}
+
 /// `None` when no bus and no master lived to close its books.
 fn conservation(state: &State, nodes: &[NodeBook], line_bytes: u32) -> Option<Conservation> {
     let (ledger, queue) = (&state.ledger, &state.queue);

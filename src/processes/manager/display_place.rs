@@ -31,9 +31,11 @@ impl State {
             return;
         }
         let lost = self.queue.redo(has);
-        if lost > 0 {
+        if !lost.is_empty() {
+            let count = lost.len();
+            lost.into_iter().for_each(|tile_of| self.ledger.take_back(tile_of));
             self.ledger
-                .incident(self.now, format!("the journal lacks {lost} tiles that were done: they are done again"));
+                .incident(self.now, format!("the journal lacks {count} tiles that were done: they are done again"));
         }
     }
 
@@ -46,13 +48,18 @@ impl State {
         // What its predecessor was asked, it may not have done.
         let unconfirmed = self.queue.unconfirmed();
         self.tell_to_forget(&unconfirmed);
+        self.ask_for_comparisons();
+        self.configure_nodes();
+    }
+
+    /// Tiles that are to be compared and that nobody renders are rendered once more.
+    pub(super) fn ask_for_comparisons(&mut self) {
         let awaited: Vec<_> = self.verification.awaited().collect();
         for (tile, nodes) in awaited {
             if !self.queue.checks(tile) {
                 self.queue.check(tile, nodes);
             }
         }
-        self.configure_nodes();
     }
 
     /// The display is dead: another one takes its place, unless too many have failed in a row.
@@ -117,6 +124,12 @@ impl State {
 
     /// These tiles are to be done again.
     pub(super) fn revoke(&mut self, tiles: &[TileId]) {
+        for &tile in tiles {
+            // The frame's pixels of a tile and those that were counted may be two processes'.
+            if self.queue.accepted(tile).is_some() {
+                self.ledger.take_back(self.queue.producer(tile));
+            }
+        }
         let revocations: Vec<_> = tiles.iter().filter_map(|&tile| self.queue.revoke(tile)).collect();
         self.tell_to_forget(&revocations);
     }

@@ -132,6 +132,27 @@ impl JobQueue {
         self.missing
     }
 
+    /// Attempts that masters have.
+    pub(super) fn out(&self) -> usize {
+        self.out.len()
+    }
+
+    /// Whether all is done, and nobody works on anything.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
+    }
+
+    /// How a tile stands, for whoever looks for a fault here.
+    pub(super) fn describe(&self, tile: TileId) -> String {
+        let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
+        format!("{tile}: {:?}, out {out:?}", self.tiles.get(tile.0 as usize))
+    }
+
+    /// Checks that no master has yet.
+    pub(super) fn waiting_checks(&self) -> usize {
+        self.checks.len()
+    }
+
     /// The attempt at a tile that is part of the image.
     pub(super) fn accepted(&self, tile: TileId) -> Option<Attempt> {
         match self.tiles.get(tile.0 as usize)?.place {
@@ -383,18 +404,20 @@ impl JobQueue {
         resumed
     }
 
-    /// A display that came after another one has not all of what is done: the rest is done again.
-    pub(super) fn redo(&mut self, has: impl Fn(TileId) -> bool) -> u32 {
-        let mut redone = 0;
+    /// A display that came after another one has not all of what is done: the rest is done again. Who had done each.
+    pub(super) fn redo(&mut self, has: impl Fn(TileId) -> bool) -> Vec<Option<(NodeId, Epoch)>> {
+        let mut redone = Vec::new();
         for (i, entry) in self.tiles.iter_mut().enumerate().rev() {
             let tile = TileId(i as u32);
-            if matches!(entry.place, Place::Done { .. }) && !has(tile) {
+            if let Place::Done { by, .. } = entry.place
+                && !has(tile)
+            {
                 entry.place = Place::Waiting;
                 self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
-                redone += 1;
+                redone.push(by);
             }
         }
-        self.missing += redone;
+        self.missing += redone.len() as u32;
         redone
     }
 }
@@ -550,7 +573,7 @@ mod tests {
         assert_eq!(queue.resume(|tile| tile.0 % 2 == 0), 2);
         assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (3, None)]);
         assert_eq!((done(&mut queue, 1, 0), queue.missing()), (Completion::Accepted, 1));
-        assert_eq!(queue.redo(|tile| tile.0 != 1 && tile.0 != 2), 2);
+        assert_eq!(queue.redo(|tile| tile.0 != 1 && tile.0 != 2), [None, Some(BY)]);
         assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (2, None)]);
         assert_eq!(queue.missing(), 3);
     }

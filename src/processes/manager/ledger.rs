@@ -107,6 +107,18 @@ impl Ledger {
         self.incidents.len() as u64 + self.incidents_dropped
     }
 
+    /// A tile is done again that is counted there, or as an earlier run's; what it took stays counted.
+    pub(super) fn take_back(&mut self, tile_of: Option<(NodeId, Epoch)>) {
+        match tile_of {
+            None => self.resumed = self.resumed.saturating_sub(1),
+            Some(process) => {
+                if let Some(account) = self.accounts.get_mut(&process) {
+                    account.tiles = account.tiles.saturating_sub(1);
+                }
+            }
+        }
+    }
+
     /// What each of so many nodes counted, by its processes together.
     pub(super) fn nodes(&self, nodes: u16) -> Vec<Account> {
         let mut all = vec![Account::default(); usize::from(nodes)];
@@ -148,6 +160,27 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::{Attempt, TileId};
+
+    #[test]
+    fn a_tile_that_is_done_again_is_counted_once() {
+        let (one, other) = ((NodeId(0), Epoch(0)), (NodeId(1), Epoch(0)));
+        let done = TileDone {
+            tile: TileId(0),
+            attempt: Attempt(0),
+            trace: TraceStats::default(),
+            memory: None,
+            render_cpu_nanoseconds: 5,
+        };
+        let mut ledger = Ledger { resumed: 1, ..Ledger::default() };
+        ledger.accept(Duration::ZERO, one, &done);
+        ledger.take_back(Some(one));
+        ledger.accept(Duration::ZERO, other, &done);
+        ledger.take_back(None);
+        ledger.take_back(Some((NodeId(2), Epoch(0))));
+        let total = ledger.total();
+        assert_eq!((total.tiles, total.render_cpu_nanoseconds, ledger.resumed), (1, 10, 0));
+    }
 
     #[test]
     fn incidents_are_bounded() {

@@ -16,15 +16,15 @@ mod ledger;
 mod metrics;
 mod output_folder;
 mod plan;
-mod process;
+pub(in crate::processes) mod process;
 mod process_table;
 mod recorded;
+pub(in crate::processes) mod rehearsal;
+mod sample;
 mod shell;
-mod state;
+pub(in crate::processes) mod state;
 mod verification;
 
-#[cfg(test)]
-mod sample;
 #[cfg(test)]
 mod state_tests;
 

@@ -11,9 +11,9 @@ use crate::protocol::hello::Role;
 
 /// The role, and which of the processes that held it one after the other.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct ProcessId {
-    pub(super) role: Role,
-    pub(super) epoch: Epoch,
+pub(in crate::processes) struct ProcessId {
+    pub(in crate::processes) role: Role,
+    pub(in crate::processes) epoch: Epoch,
 }
 
 impl ProcessId {
@@ -22,7 +22,7 @@ impl ProcessId {
         Self { role, epoch: Epoch(0) }
     }
 
-    pub(super) fn node(self) -> Option<NodeId> {
+    pub(in crate::processes) fn node(self) -> Option<NodeId> {
         match self.role {
             Role::Node(node) => Some(node),
             _ => None,
@@ -59,7 +59,7 @@ impl fmt::Display for ProcessId {
 
 /// What a process tells.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Report {
+pub(in crate::processes) enum Report {
     Bus(BusReport),
     Master(MasterReport),
     Node(NodeReport),
@@ -68,7 +68,7 @@ pub(super) enum Report {
 
 /// What a process is told.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Command {
+pub(in crate::processes) enum Command {
     Bus(BusCommand),
     Master(MasterCommand),
     Node(NodeCommand),

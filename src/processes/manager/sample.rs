@@ -1,4 +1,4 @@
-//! Plans for the tests of this folder.
+//! Plans for the tests of this folder, and for rehearsals.
 
 use std::time::Duration;
 

@@ -29,7 +29,7 @@ use crate::protocol::work::TileDone;
 pub(super) const FAILURES_MAX: u32 = 3;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Connected(ProcessId),
     Report(ProcessId, Report),
     /// The control connection ended; `Some`: by nonsense, and what it was.
@@ -46,7 +46,7 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Spawn(ProcessId),
     Tell(ProcessId, Command),
     /// End the control connection.
@@ -316,10 +316,11 @@ impl State {
     fn hand_out(&mut self) {
         for cluster in self.plan.cluster.ids() {
             let Cluster { wanted, .. } = *self.cluster(cluster);
-            if wanted == 0 || self.cluster(cluster).servers().is_none() {
+            let available = self.available(cluster);
+            // A master without nodes would give all of it back.
+            if wanted == 0 || available.is_empty() || self.cluster(cluster).servers().is_none() {
                 continue;
             }
-            let available = self.available(cluster);
             let grants = self.queue.grants(cluster, wanted, &available, self.now);
             if !grants.is_empty() {
                 self.cluster(cluster).wanted -= grants.len() as u32;
@@ -345,6 +346,9 @@ impl State {
     fn tick(&mut self) {
         for (id, why) in self.table.overdue(self.now, &self.plan.run.deadlines) {
             self.doom(id, why);
+        }
+        if self.verification.is_overdue(self.now, self.queue.is_quiet()) {
+            self.ask_for_comparisons();
         }
         self.tick_ending();
     }

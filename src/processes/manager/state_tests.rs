@@ -285,6 +285,16 @@ fn a_cluster_whose_server_dies_starts_again_with_all_it_has() {
 }
 
 #[test]
+fn a_cluster_without_nodes_gets_no_tiles() {
+    let mut plan = sample::plan(1, 4);
+    plan.cluster.count = 2;
+    let mut stage = Stage::configured(plan, 0);
+    stage.state.set_aside(NodeId(0), "it is corrupt");
+    let actions = stage.master(MasterReport::TilesWanted(4));
+    assert!(granted(&actions).is_empty(), "its master would give them back: {actions:?}");
+}
+
+#[test]
 fn what_a_dead_cluster_still_says_does_not_count() {
     let mut stage = Stage::running(1, 2);
     stage.exits(BUS);
@@ -322,7 +332,7 @@ fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
     let told = |report| Event::Report(next, Report::Display(report));
     // It has tile 1 alone: tile 0 is done again.
     stage.happens(told(DisplayReport::Restored(vec![0b10])));
-    assert_eq!(stage.state.queue.missing(), 3);
+    assert_eq!((stage.state.queue.missing(), stage.state.ledger.total().tiles), (3, 1));
     let actions = stage.happens(told(DisplayReport::Listening(address(9))));
     let expected = Action::Tell(node(0, 0), Command::Node(NodeCommand::Display(address(9))));
     assert!(actions.contains(&expected), "{actions:?}");
@@ -403,6 +413,23 @@ fn a_corrupt_node_is_found_out_and_its_tiles_are_done_again() {
     let again = granted(&stage.display(DisplayReport::Revoked(revocations)));
     assert_eq!(again.iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(1, 1), (0, 3)]);
     assert!(stage.incidents().iter().any(|text| text.starts_with("node 0 (epoch 0) is corrupt")));
+}
+
+#[test]
+fn a_comparison_that_was_lost_is_made_again() {
+    let mut plan = sample::plan(2, 1);
+    plan.run.verify = 1.0;
+    let mut stage = Stage::configured(plan, 1);
+    stage.done(0, 0, 0);
+    assert_eq!(granted(&stage.master(MasterReport::TilesWanted(9)))[0].attempt, Attempt(1));
+    // The display died after it had acknowledged the second result, and before it told.
+    assert!(granted(&stage.done(1, 0, 1)).is_empty());
+    assert!(granted(&stage.happens(Event::Tick)).is_empty());
+    stage.now += Duration::from_secs(1);
+    let again = granted(&stage.happens(Event::Tick));
+    assert_eq!((again[0].attempt, &again[0].except[..]), (Attempt(2), &[NodeId(0)][..]));
+    stage.now += Duration::from_secs(1);
+    assert!(granted(&stage.happens(Event::Tick)).is_empty(), "once at a time");
 }
 
 #[test]

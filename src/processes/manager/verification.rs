@@ -4,12 +4,17 @@
 //! one has rendered it: who agrees with nobody is wrong, and so is everything it did.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::ids::{Epoch, NodeId, TileId};
 use crate::protocol::control::{Comparison, TileResult};
+
+/// From the last result of all to a comparison that is still awaited: it was lost with a display, or its result came
+/// from a process that is not believed.
+const COMPARISON_DEADLINE: Duration = Duration::from_millis(500);
 
 /// A node's process.
 pub(super) type Producer = (NodeId, Epoch);
@@ -23,6 +28,8 @@ pub(super) struct Verification {
     /// Tiles whose second result has not been compared yet, or that are in dispute.
     open: BTreeMap<TileId, Case>,
     condemned: BTreeSet<Producer>,
+    /// Since when nobody works on anything, while a comparison is awaited.
+    quiet_since: Option<Duration>,
     verified: u64,
     disagreements: u64,
 }
@@ -59,6 +66,7 @@ impl Verification {
             processes: BTreeMap::new(),
             open: BTreeMap::new(),
             condemned: BTreeSet::new(),
+            quiet_since: None,
             verified: 0,
             disagreements: 0,
         }
@@ -103,6 +111,16 @@ impl Verification {
     /// Whether everything that was to be compared has been.
     pub(super) fn is_idle(&self) -> bool {
         self.open.is_empty()
+    }
+
+    /// Whether comparisons are awaited that nobody is about to bring; `quiet`: nobody works on anything.
+    pub(super) fn is_overdue(&mut self, now: Duration, quiet: bool) -> bool {
+        if !quiet || self.is_idle() {
+            self.quiet_since = None;
+            return false;
+        }
+        let since = *self.quiet_since.get_or_insert(now);
+        now.saturating_sub(since) > COMPARISON_DEADLINE
     }
 
     /// Tiles that await a comparison, and the nodes that have rendered each.

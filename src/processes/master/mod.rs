@@ -3,8 +3,8 @@
 //! `state` decides; this shell moves messages: commands of the manager, requests of nodes, and the modelled
 //! jobs to the bus.
 
-mod seat;
-mod state;
+pub(in crate::processes) mod seat;
+pub(in crate::processes) mod state;
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};

@@ -17,7 +17,7 @@ const TILES_A_NODE: u32 = 8;
 const TILES_ASKED_MIN: u32 = TILES_A_NODE / 2;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Command(MasterCommand),
     Connected(NodeProcess),
     /// The connection ended. The process is not known to be dead yet: the manager says when it is.
@@ -29,7 +29,7 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Report(MasterReport),
     Hand {
         to: NodeProcess,
@@ -45,7 +45,7 @@ pub(super) enum Action {
 }
 
 #[derive(Debug)]
-pub(super) struct State {
+pub(in crate::processes) struct State {
     /// From a tile's issue to its completion.
     tile_deadline: Duration,
     /// In order of node ids, from this one on.
@@ -63,7 +63,7 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(configuration: &MasterConfiguration) -> Self {
+    pub(in crate::processes) fn new(configuration: &MasterConfiguration) -> Self {
         Self {
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
             first_node: configuration.first_node,
@@ -78,7 +78,7 @@ impl State {
     }
 
     /// What is to be done about an event, in order. `now` is the time since any fixed moment.
-    pub(super) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+    pub(in crate::processes) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
         match event {
             Event::Command(command) => self.obey(command),
             Event::Connected(process) => self.connected(process),
@@ -94,6 +94,11 @@ impl State {
         std::mem::take(&mut self.actions)
     }
 
+    /// Tiles in the cluster's queue or with its nodes.
+    pub(in crate::processes) fn tiles(&self) -> usize {
+        self.queue.len() + self.seats.iter().map(|seat| seat.held.len()).sum::<usize>()
+    }
+
     fn obey(&mut self, command: MasterCommand) {
         match command {
             MasterCommand::Configure(_) => self.incident("configured twice; the first one counts".to_owned()),
@@ -101,7 +106,7 @@ impl State {
                 self.asked = self.asked.saturating_sub(grants.len() as u32);
                 self.queue.extend(grants);
             }
-            MasterCommand::NodeLost { node, epoch } => self.lose(NodeProcess { node, epoch }),
+            MasterCommand::NodeLost { node, epoch } => self.bury(NodeProcess { node, epoch }),
             MasterCommand::NodeSetAside { node } => {
                 if let Some(place) = self.place(node) {
                     self.seats[place].set_aside = true;
@@ -114,15 +119,15 @@ impl State {
 
     fn connected(&mut self, process: NodeProcess) {
         let Some(place) = self.place(process.node) else { return };
-        let Seat { epoch, set_aside, .. } = self.seats[place];
-        if epoch.is_some_and(|current| process.epoch <= current) {
-            return self.dismiss(process, "has a successor, or came twice");
+        let Seat { epoch, dead, set_aside, .. } = self.seats[place];
+        if epoch.is_some_and(|current| process.epoch <= current) || self.seats[place].is_dead(process.epoch) {
+            return self.dismiss(process, "is dead, has a successor, or came twice");
         }
         // A process is replaced when it is dead only.
         if let Some(epoch) = epoch {
             self.lose(NodeProcess { epoch, ..process });
         }
-        self.seats[place] = Seat { set_aside, ..Seat::taken_by(process.epoch) };
+        self.seats[place] = Seat { dead, set_aside, ..Seat::taken_by(process.epoch) };
     }
 
     fn disconnected(&mut self, process: NodeProcess) {
@@ -133,7 +138,7 @@ impl State {
 
     fn ready(&mut self, process: NodeProcess) {
         let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
-        let Some(seat) = self.seat(process) else { return };
+        let Some(seat) = self.seat(process).filter(|seat| !seat.is_dead(process.epoch)) else { return };
         if seat.held.len() + waiting >= JOBS_PER_NODE {
             return self.dismiss(process, &format!("asked for more than {JOBS_PER_NODE} tiles"));
         }
@@ -153,6 +158,15 @@ impl State {
             self.totals.attempts_stale += 1;
         } else {
             self.dismiss(process, &format!("told the end of {tile}, {attempt}, which it does not hold"));
+        }
+    }
+
+    /// The manager says that the process is dead. What it said before may arrive only now.
+    fn bury(&mut self, process: NodeProcess) {
+        self.lose(process);
+        if let Some(place) = self.place(process.node) {
+            let dead = &mut self.seats[place].dead;
+            *dead = (*dead).max(Some(process.epoch));
         }
     }
 
@@ -410,6 +424,20 @@ mod tests {
         // Told again, nothing is lost twice.
         assert!(reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) })).is_empty());
         assert_eq!(totals(&mut state), MasterTotals { attempts_issued: 2, attempts_lost: 2, ..Default::default() });
+    }
+
+    #[test]
+    fn a_dead_node_gets_nothing_whatever_it_asked_for() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None)]);
+        let dead = MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(1) };
+        command(&mut state, dead);
+        assert!(handed(&ready(&mut state, 0)).is_empty(), "it asked before it died");
+        let late = at(&mut state, 1, Event::Connected(NodeProcess { node: NodeId(0), epoch: Epoch(1) }));
+        assert!(late.iter().any(|action| matches!(action, Action::Dismiss(_))), "it died before it was let in");
+        let next = NodeProcess { node: NodeId(0), epoch: Epoch(2) };
+        at(&mut state, 1, Event::Connected(next));
+        assert_eq!(handed(&at(&mut state, 1, Event::Request(next, WorkRequest::Ready))), [(0, 0)]);
     }
 
     #[test]
