@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::child::{Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
-use crate::ids::{Attempt, NodeId, TileId};
+use crate::ids::{Attempt, TileId};
 use crate::processes::manager::process::{Command, ProcessId, Report};
 use crate::protocol::control::{BusCommand, BusReport, BusTotals};
 use crate::protocol::memory::MemoryRequest;
@@ -15,7 +15,7 @@ pub(super) struct Bus {
     peers: HashMap<Wire, ProcessId>,
     totals: BusTotals,
     /// Fetches and their bytes.
-    fetched: HashMap<(NodeId, TileId, Attempt), (u64, u64)>,
+    fetched: HashMap<(TileId, Attempt), (u64, u64)>,
 }
 
 impl Bus {
@@ -37,11 +37,11 @@ impl Bus {
                 self.totals.message_bytes += u64::from(bytes);
             }
             Parcel::Message(Message::Fetch { tile, attempt, fetches, bytes }) => {
-                if let Some(node) = self.peers.get(&wire).and_then(|peer| peer.node()) {
+                if self.peers.get(&wire).is_some_and(|peer| peer.node().is_some()) {
                     self.log(fetches);
                     self.totals.fetches += fetches;
                     self.totals.fetched_bytes += bytes;
-                    let fetched = self.fetched.entry((node, tile, attempt)).or_default();
+                    let fetched = self.fetched.entry((tile, attempt)).or_default();
                     *fetched = (fetched.0 + fetches, fetched.1 + bytes);
                 }
                 network.send(me, wire, Message::Data);
@@ -58,7 +58,7 @@ impl Bus {
             }
             BusCommand::Finish { lost } => {
                 for attempt in lost {
-                    let key = (attempt.node, attempt.tile, attempt.attempt);
+                    let key = (attempt.tile, attempt.attempt);
                     let (fetches, bytes) = self.fetched.get(&key).copied().unwrap_or_default();
                     self.totals.fetches_of_lost_attempts += fetches;
                     self.totals.fetched_bytes_of_lost_attempts += bytes;
