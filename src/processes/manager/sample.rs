@@ -18,6 +18,7 @@ pub(super) fn run() -> Run {
         startup: Duration::from_secs(10),
         heartbeat: Duration::from_secs(5),
         tile: Duration::from_secs(60),
+        join: Duration::from_secs(600),
     };
     Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, verify: 0.0, deadlines }
 }
