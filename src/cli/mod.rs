@@ -7,6 +7,7 @@ mod grid_options;
 pub mod inspect;
 mod lists;
 pub mod options;
+pub mod program;
 pub mod render;
 pub mod replay;
 pub mod run;

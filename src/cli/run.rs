@@ -1,5 +1,6 @@
 //! `marti run TOPOLOGY`
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -26,6 +27,12 @@ pub struct RunArguments {
     /// What to record besides the bus: references, which `marti replay` puts through other memories
     #[arg(long, value_name = "WHAT", value_enum)]
     pub record: Option<Record>,
+    /// Listen here for those who join, instead of where the topology's first host says
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
+    #[arg(long)]
+    pub insecure: bool,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -53,6 +60,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
+        listen: arguments.listen,
+        insecure: arguments.insecure,
         quiet: arguments.quiet,
     })
     .map_err(|error| {

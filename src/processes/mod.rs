@@ -5,6 +5,8 @@ pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+pub mod join;
+mod listening;
 mod loader;
 pub mod manager;
 pub mod master;
@@ -14,3 +16,4 @@ pub mod token;
 
 pub use bootstrap::{Child, StartError};
 pub use control_link::ControlLink;
+pub use join::Origin;

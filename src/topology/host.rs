@@ -86,12 +86,11 @@ impl Host {
         advertised.or_else(|| (self.launch == Launch::Local).then(|| self.interface().to_string()))
     }
 
-    /// Whether it names an address at which others than this machine's processes can knock.
-    pub(super) fn is_open(&self) -> bool {
-        let other = |address: &str| !is_loopback(address);
-        self.is_elsewhere()
-            || self.bind.is_some_and(|bind| !bind.is_loopback())
-            || self.advertise.as_deref().is_some_and(other)
+    /// What it names at which others than this machine's processes can knock.
+    pub(super) fn open_address(&self) -> Option<String> {
+        let named = self.bind.map(|bind| bind.to_string()).into_iter().chain(self.advertise.clone());
+        let mut open = named.filter(|address| !is_loopback(address));
+        open.next().or_else(|| self.is_elsewhere().then(|| self.name.clone()))
     }
 
     /// The launcher's command with the host's name and the program's path in their places; `None` where there is none.

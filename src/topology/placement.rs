@@ -14,7 +14,7 @@ pub struct Placement {
 
 impl Placement {
     /// Nodes go to the hosts in the order of both, so that the nodes of a cluster stay together.
-    pub(super) fn new(hosts: &[Host], cluster: &Cluster) -> Self {
+    pub fn new(hosts: &[Host], cluster: &Cluster) -> Self {
         let hosts = if hosts.is_empty() { vec![Host::here(cluster.all_nodes())] } else { hosts.to_vec() };
         let places = |(at, host): (usize, &Host)| std::iter::repeat_n(at, usize::from(host.nodes));
         Self { nodes: hosts.iter().enumerate().flat_map(places).collect(), hosts }
@@ -46,9 +46,9 @@ impl Placement {
         self.hosts.iter().any(|host| host.launch == Launch::External)
     }
 
-    /// Whether an address is named at which other machines can knock: TLS is needed.
-    pub fn is_open(&self) -> bool {
-        self.hosts.iter().any(Host::is_open)
+    /// An address, or a host, at which other machines can knock: TLS is needed.
+    pub fn open_address(&self) -> Option<String> {
+        self.hosts.iter().find_map(Host::open_address)
     }
 
     /// The first host with nodes that do not write into the output folder.

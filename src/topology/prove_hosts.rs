@@ -219,20 +219,25 @@ mod tests {
         assert_eq!((0..8).map(|id| placement.of_node(NodeId(id)).name.as_str()).collect::<String>(), "aaabbbcc");
         assert_eq!([0, 1].map(|id| placement.of_cluster(ClusterId(id)).name.as_str()), ["a", "b"]);
         assert_eq!((placement.of_manager().name.as_str(), placement.of_display().name.as_str()), ("a", "c"));
-        assert!(!placement.has_joiners() && !placement.is_open() && placement.nodes_without_files().is_none());
+        assert!(!placement.has_joiners() && placement.nodes_without_files().is_none());
+        assert_eq!(placement.open_address(), None);
         let alone = read("").unwrap_or_else(|error| panic!("{error}")).placement();
         assert_eq!(alone.of_node(NodeId(7)), alone.of_manager());
-        assert!(!alone.is_open());
+        assert_eq!(alone.open_address(), None);
     }
 
     #[test]
     fn an_address_that_others_can_reach_is_open() {
-        let is_open = |host: &str| {
+        let open = |host: &str| {
             let text = format!("host = [{{ name = 'a', {host} }}]");
-            read(&text).unwrap_or_else(|error| panic!("{error}")).placement().is_open()
+            read(&text).unwrap_or_else(|error| panic!("{error}")).placement().open_address()
         };
-        assert!(is_open("bind = '10.0.0.1'") && is_open("bind = '0.0.0.0'") && is_open("advertise = 'there.example'"));
-        assert!(!is_open("bind = '127.0.0.7'") && !is_open("advertise = 'localhost'") && !is_open("bind = '::1'"));
+        assert_eq!(open("bind = '10.0.0.1'").as_deref(), Some("10.0.0.1"));
+        assert_eq!(open("bind = '0.0.0.0'").as_deref(), Some("0.0.0.0"));
+        assert_eq!(open("advertise = 'there.example'").as_deref(), Some("there.example"));
+        for own in ["bind = '127.0.0.7'", "advertise = 'localhost'", "bind = '::1'"] {
+            assert_eq!(open(own), None, "{own}");
+        }
     }
 
     #[test]

@@ -10,10 +10,13 @@ mod ending;
 mod executables;
 mod job_queue;
 mod ledger;
+mod life;
 mod output_folder;
+mod places;
 mod plan;
 mod process;
 mod process_table;
+mod reach;
 mod recorded;
 mod shell;
 mod state;
@@ -25,6 +28,7 @@ mod state_tests;
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,7 +46,7 @@ use crate::protocol::connection::Credentials;
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::{MemorySize, Topology};
+use crate::topology::{MemorySize, Placement, Topology};
 use crate::tracer::{AovSet, Tiling};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -58,6 +62,10 @@ pub struct RunRequest {
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
     pub record_references: bool,
+    /// Where the manager listens, instead of where the topology says.
+    pub listen: Option<SocketAddr>,
+    /// Whether addresses at which other machines can knock are used without TLS.
+    pub insecure: bool,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -101,6 +109,14 @@ pub enum RunError {
     Preparation(#[from] PreparationError),
     #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
     NothingToRecord,
+    #[error(
+        "references cannot be recorded by nodes on {host}, which does not see the output folder: expected host.shared_files = true"
+    )]
+    NoSharedFiles { host: String },
+    #[error(
+        "{address} is an address that other machines can reach: expected --keys DIR (`marti keys new DIR` makes them), or --insecure in a network that you trust"
+    )]
+    NoKeys { address: String },
     #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
@@ -123,7 +139,15 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        matches!(
+            self,
+            Self::Preparation(_)
+                | Self::NothingToRecord
+                | Self::NoSharedFiles { .. }
+                | Self::NoKeys { .. }
+                | Self::TooManyTiles { .. }
+                | Self::LocalMemory(_)
+        )
     }
 }
 
@@ -138,19 +162,33 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
     }
+    let placement = topology.placement();
+    if request.record_references
+        && let Some(host) = placement.nodes_without_files()
+    {
+        return Err(RunError::NoSharedFiles { host: host.name.clone() });
+    }
+    let first = placement.of_manager();
+    let listen = request.listen.unwrap_or((first.interface(), first.port).into());
+    if !request.insecure
+        && let Some(address) = open_address(listen, &placement)
+    {
+        return Err(RunError::NoKeys { address });
+    }
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
     let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
-    match telemetry::start(&folder.log("manager")) {
+    match telemetry::start(Some(&folder.log("manager"))) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
         started => started?,
     }
     let plan = Plan {
         cluster: topology.cluster,
+        placement,
         octree: topology.octree,
         run: topology.run,
         header: database.header.clone(),
@@ -164,11 +202,17 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         image: folder.image(),
         recording: folder.recording(),
     };
+    let secret = secret()?;
+    let joiners_token = plan.placement.has_joiners().then(|| folder.join_token());
+    if let Some(path) = &joiners_token {
+        token::write(path, secret).map_err(RunError::Output)?;
+    }
     let run = shell::Run {
         start,
         executables,
         logs: folder.logs(),
-        credentials: Credentials::plain(secret()?),
+        credentials: Credentials::plain(secret),
+        listen,
         words: Arc::clone(&database.words),
         quiet: request.quiet,
     };
@@ -178,7 +222,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The bus holds the database from here on.
     drop(prepared);
-    let state = runtime.block_on(run.finish(plan))?;
+    let state = runtime.block_on(run.finish(plan));
+    if let Some(path) = joiners_token {
+        // Nobody can use it any more.
+        let _ = std::fs::remove_file(path);
+    }
+    let state = state?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -212,6 +261,12 @@ fn fingerprint(prepared: &Prepared) -> [u8; 32] {
     hash.update(prepared.database.database().bytes());
     hash.update(format!("{:?}", prepared.view));
     hash.finalize().into()
+}
+
+/// What other machines could knock at, if anything.
+fn open_address(listen: SocketAddr, placement: &Placement) -> Option<String> {
+    let first = (!listen.ip().is_loopback()).then(|| listen.to_string());
+    first.or_else(|| placement.open_address())
 }
 
 fn secret() -> Result<RunToken, RunError> {

@@ -55,8 +55,9 @@ fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<St
         return late(hung_up, EXIT_DEADLINE).then(|| "closed its control connection and did not end".to_owned());
     }
     match process.stage {
-        Stage::Spawned if late(process.since, deadlines.startup) => {
-            return Some(format!("did not connect within {}", seconds(deadlines.startup)));
+        Stage::Spawned if late(process.since, process.connect_deadline.unwrap_or(deadlines.startup)) => {
+            let deadline = process.connect_deadline.unwrap_or(deadlines.startup);
+            return Some(format!("did not connect within {}", seconds(deadline)));
         }
         Stage::Connected if is_server && late(process.since, deadlines.startup) => {
             return Some(format!("did not listen within {}", seconds(deadlines.startup)));

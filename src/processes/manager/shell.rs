@@ -1,6 +1,7 @@
 //! Turns what happens into events for the state, and does what it answers.
 
 use std::collections::HashMap;
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,10 +11,11 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::children::Children;
+use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::executables::Executables;
 use super::plan::Plan;
+use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::ids::ClusterId;
@@ -35,6 +37,8 @@ pub(super) struct Run {
     pub(super) credentials: Credentials,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
+    /// Where the manager listens.
+    pub(super) listen: SocketAddr,
     /// No progress.
     pub(super) quiet: bool,
 }
@@ -72,10 +76,16 @@ impl Run {
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
-        let port = ControlPort::bind(self.credentials.clone(), sender.clone())
-            .await
-            .map_err(|error| system("free port", error))?;
-        let mut shell = Shell::new(&self, &plan, port, sender);
+        let heartbeat = plan.run.deadlines.heartbeat / HEARTBEATS;
+        let port =
+            ControlPort::bind(self.listen, self.credentials.clone(), &plan.placement, heartbeat, sender.clone()).await;
+        let port = port.map_err(|error| system("port", io::Error::other(format!("{}: {error}", self.listen))))?;
+        let first = plan.placement.of_manager();
+        let advertised = reach::advertised(first, port.address()).await.map_err(|error| system("address", error))?;
+        if plan.placement.has_joiners() {
+            reach::say(advertised, self.quiet);
+        }
+        let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
         let (mut state, actions) = State::start(plan);
         let mut progress = Progress::new(self.quiet, state.queue.total());
         shell.act(actions);
@@ -95,9 +105,11 @@ impl Run {
             if !matches!(event, Event::Report(..) | Event::Tick) {
                 tracing::info!("{event:?}");
             }
+            shell.note(&event);
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
         }
+        shell.port.places().close().await;
         progress.finish(&status(&state));
         Ok(state)
     }
@@ -108,14 +120,25 @@ async fn arrived(signal: &mut Signal) -> Option<()> {
 }
 
 impl Shell {
-    fn new(run: &Run, plan: &Plan, port: ControlPort, events: mpsc::Sender<Event>) -> Self {
+    fn new(
+        run: &Run,
+        plan: &Plan,
+        heartbeat: Duration,
+        port: ControlPort,
+        advertised: SocketAddr,
+        events: mpsc::Sender<Event>,
+    ) -> Self {
         let deadlines = plan.run.deadlines;
         let children = Children {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
             token: run.credentials.token,
-            manager: port.address(),
-            heartbeat_deadline: deadlines.heartbeat,
+            placement: plan.placement.clone(),
+            manager: reach::from_here(port.address()),
+            advertised,
+            heartbeat,
+            places: port.places(),
+            connections: port.connections(),
             events: events.clone(),
             alive: HashMap::new(),
         };
@@ -139,7 +162,10 @@ impl Shell {
                     self.children.spawn(id);
                 }
                 Action::Tell(id, command) => {
-                    if !self.port.tell(id, command) {
+                    let origin = self.port.origin(id);
+                    if let Some(why) = origin.and_then(|origin| reach::unreachable(origin, &command)) {
+                        self.children.kill_because(id, why);
+                    } else if !self.port.tell(id, command) {
                         tracing::error!("{id} does not read what it is told, and is killed");
                         self.children.kill(id);
                     }
@@ -148,6 +174,16 @@ impl Shell {
                 Action::Kill(id) => self.children.kill(id),
                 Action::Upload(bus) => self.upload(bus),
             }
+        }
+    }
+
+    /// What the children must know of an event, before the state does.
+    fn note(&mut self, event: &Event) {
+        match event {
+            Event::Connected(id) => self.children.connected(*id),
+            Event::Disconnected(id, _) => self.children.disconnected(*id),
+            Event::Exited(id, _) => self.children.bury(*id),
+            _ => {}
         }
     }
 

@@ -166,6 +166,7 @@ impl State {
                 self.doom(id, format!("failed: {why}"));
             }
             Report::Node(NodeReport::Packets(packets)) => self.ledger.packets = Some(packets),
+            Report::Node(NodeReport::Leaving) => process.leaving = true,
             Report::Node(NodeReport::Finished) => process.enter(Stage::Finished, self.now),
             Report::Bus(BusReport::Listening(address)) => self.bus_listens(id, address),
             Report::Bus(BusReport::Finished(totals)) => {
@@ -266,7 +267,8 @@ impl State {
         let Some(process) = self.table.remove(id) else { return };
         self.actions.push(Action::HangUp(id));
         let expected = process.stage == Stage::Finished;
-        let how = format!("{id} {}", process.doom.unwrap_or(how));
+        let how = if process.leaving { "left, as it was asked to".to_owned() } else { process.doom.unwrap_or(how) };
+        let how = format!("{id} {how}");
         match id.node() {
             Some(node) => {
                 self.tell_master(MasterCommand::NodeLost { node, epoch: id.epoch });
@@ -274,7 +276,7 @@ impl State {
                     self.ledger.incident(self.now, how);
                 }
                 if matches!(self.phase, Phase::Starting | Phase::Running) {
-                    self.replace(node, id.epoch);
+                    self.replace(node, id.epoch, !process.leaving);
                 }
             }
             None if expected => {}
@@ -283,9 +285,9 @@ impl State {
     }
 
     /// A node's process is dead: another one takes its place, unless too many did in a row.
-    fn replace(&mut self, node: NodeId, epoch: Epoch) {
+    fn replace(&mut self, node: NodeId, epoch: Epoch, failed: bool) {
         let Some(place) = self.places.get_mut(usize::from(node.0)) else { return };
-        place.failures += 1;
+        place.failures += u32::from(failed);
         if place.failures < FAILURES_MAX {
             return self.spawn(ProcessId { role: Role::Node(node), epoch: Epoch(epoch.0 + 1) });
         }
@@ -327,7 +329,8 @@ impl State {
     }
 
     fn spawn(&mut self, id: ProcessId) {
-        self.table.insert(Process::spawned(id, self.now));
+        let connect_deadline = Some(self.plan.connect_deadline(id.role));
+        self.table.insert(Process { connect_deadline, ..Process::spawned(id, self.now) });
         self.actions.push(Action::Spawn(id));
     }
 

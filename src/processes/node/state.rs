@@ -41,6 +41,8 @@ pub enum Event {
         tile: TileId,
         attempt: Attempt,
     },
+    /// This node is to go: it brings what it holds to its end, and takes nothing more.
+    Leave,
 }
 
 #[derive(Clone, PartialEq, Debug)]
@@ -74,13 +76,16 @@ pub enum Violation {
 pub struct State {
     tiling: Tiling,
     asked: usize,
+    /// With the tracer.
+    tracing: usize,
+    leaving: bool,
     /// Sent to the display, not acknowledged.
     sent: Vec<TileDone>,
 }
 
 impl State {
     pub fn new(tiling: Tiling) -> Self {
-        Self { tiling, asked: 0, sent: Vec::new() }
+        Self { tiling, asked: 0, tracing: 0, leaving: false, sent: Vec::new() }
     }
 
     /// Whether the display owes an acknowledgement.
@@ -88,10 +93,21 @@ impl State {
         !self.sent.is_empty()
     }
 
+    /// Whether it was told to go, and holds nothing any more.
+    pub fn has_left(&self) -> bool {
+        self.leaving && self.tracing == 0 && self.sent.is_empty()
+    }
+
     /// # Errors
     /// The event cannot be: the process that caused it is at fault, and this one must not go on.
     pub fn handle(&mut self, event: Event) -> Result<Vec<Action>, Violation> {
         match event {
+            Event::Leave => {
+                self.leaving = true;
+                Ok(Vec::new())
+            }
+            // It asks for nothing any more.
+            Event::TracerReady(_) if self.leaving => Ok(Vec::new()),
             Event::TracerReady(packets) => {
                 self.asked = JOBS_PER_NODE;
                 let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
@@ -101,18 +117,28 @@ impl State {
                 let tiles = self.tiling.tile_count();
                 let rect = self.tiling.rect(tile).ok_or(Violation::NoSuchTile { tile, tiles })?;
                 self.asked = self.asked.checked_sub(1).ok_or(Violation::Unasked { tile })?;
+                if self.leaving {
+                    // Somebody else gets it when this process has ended.
+                    return Ok(Vec::new());
+                }
+                self.tracing += 1;
                 Ok(vec![Action::Trace(Job { tile, attempt, rect })])
             }
             Event::Traced(Traced { done, pixels }) => {
                 let (tile, attempt) = (done.tile, done.attempt);
+                self.tracing = self.tracing.saturating_sub(1);
                 self.sent.push(*done);
                 Ok(vec![Action::SendPixels { tile, attempt, pixels }])
             }
             Event::Acknowledged { tile, attempt } => {
                 let sent = self.sent.iter().position(|done| (done.tile, done.attempt) == (tile, attempt));
                 let done = self.sent.swap_remove(sent.ok_or(Violation::NotSent { tile, attempt })?);
+                let done = Action::TellDone(Box::new(done));
+                if self.leaving {
+                    return Ok(vec![done]);
+                }
                 self.asked += 1;
-                Ok(vec![Action::TellDone(Box::new(done)), Action::AskForTile])
+                Ok(vec![done, Action::AskForTile])
             }
         }
     }
@@ -195,6 +221,19 @@ mod tests {
                 asked += actions.iter().filter(|action| **action == Action::AskForTile).count();
             }
         }
+    }
+
+    #[test]
+    fn a_node_that_goes_brings_its_tiles_to_their_end_and_takes_no_more() {
+        let mut state = ready();
+        state.handle(job(0)).expect("asked for");
+        assert_eq!(state.handle(Event::Leave), Ok(Vec::new()));
+        assert_eq!(state.handle(job(1)), Ok(Vec::new()), "it comes too late");
+        assert!(!state.has_left());
+        state.handle(traced(0)).expect("held");
+        assert!(!state.has_left());
+        assert_eq!(state.handle(acknowledged(0)), Ok(vec![Action::TellDone(done(0))]));
+        assert!(state.has_left());
     }
 
     #[test]

@@ -163,14 +163,16 @@ async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, N
         epoch: Epoch(0),
         token: TOKEN,
         manager: manager.address(),
-        log: "unused".into(),
+        bind: None,
+        advertise: None,
+        log: None,
         heartbeat_milliseconds: 50,
     };
     let node = thread::spawn(|| {
-        let child = Child { bootstrap };
+        let child = Child { bootstrap, joined: false };
         let mut link = child.control(NodeReport::Heartbeat).expect("welcome");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        let outcome = runtime.block_on(work(&child, &mut link));
+        let outcome = runtime.block_on(work(&child, &mut link)).map(drop);
         link.close();
         outcome
     });
@@ -180,9 +182,8 @@ async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, N
     let (finish, mut finished) = oneshot::channel();
     tokio::spawn(async move {
         while let Ok(Some(NodeReport::Heartbeat | NodeReport::Packets(_))) = from_node.receive().await {
-            if finished.try_recv().is_ok() {
-                to_node.send(&NodeCommand::Finish).await.expect("awaited");
-            }
+            let command = if finished.try_recv().is_ok() { NodeCommand::Finish } else { NodeCommand::Heartbeat };
+            to_node.send(&command).await.expect("awaited");
         }
     });
     (finish, node)
