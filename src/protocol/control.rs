@@ -71,7 +71,7 @@ pub struct BusConfiguration {
     pub cluster: ClusterId,
     pub arbiter: Arbiter,
     pub layout: Layout,
-    /// The folder of the recording; it exists.
+    /// The folder of its log, made if need be.
     pub recording: PathBuf,
 }
 
@@ -170,6 +170,8 @@ pub enum MasterReport {
     },
     /// These attempts died with their node; the tiles need a new attempt.
     Lost(Vec<LostAttempt>),
+    /// None of the cluster's nodes can take these grants.
+    Returned(Vec<(TileId, Attempt)>),
     /// The tile deadline passed: the node is to be killed.
     Late {
         node: NodeId,

@@ -15,6 +15,7 @@ pub use conservation::Conservation;
 pub use memory::{Memory, NodeMemory};
 
 use crate::database::verify::Verified;
+use crate::protocol::control::BusTotals;
 use crate::tracer::octree::census::Census;
 use crate::tracer::simd::Simd;
 use crate::tracer::{RayKind, TraceStats};
@@ -193,6 +194,15 @@ pub struct Tiles {
     pub reissued: u64,
     /// Results that came too late: pixels of a tile that was there already, completions no longer awaited.
     pub stale: u64,
+    /// Taken over from an earlier run.
+    #[serde(default)]
+    pub resumed: u64,
+    /// Rendered at least twice, with the same bytes.
+    #[serde(default)]
+    pub verified: u64,
+    /// Rendered twice with different bytes.
+    #[serde(default)]
+    pub disagreements: u64,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -218,6 +228,36 @@ pub struct Bus {
     pub log_rows: u64,
     /// How often a transaction waited for the log's writer.
     pub log_waits: u64,
+}
+
+impl From<BusTotals> for Bus {
+    fn from(totals: BusTotals) -> Self {
+        Self {
+            transactions: totals.transactions,
+            fetches: totals.fetches,
+            bytes: totals.fetched_bytes + totals.bulk_bytes,
+            message_bytes: totals.message_bytes,
+            wire_bytes: totals.wire_bytes,
+            log_rows: totals.log_rows,
+            log_waits: totals.log_waits,
+        }
+    }
+}
+
+impl Bus {
+    /// The sum of two.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            transactions: self.transactions + other.transactions,
+            fetches: self.fetches + other.fetches,
+            bytes: self.bytes + other.bytes,
+            message_bytes: self.message_bytes + other.message_bytes,
+            wire_bytes: self.wire_bytes + other.wire_bytes,
+            log_rows: self.log_rows + other.log_rows,
+            log_waits: self.log_waits + other.log_waits,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -307,7 +347,7 @@ pub(crate) mod sample {
                 ],
             },
             tests: Some(Tests { primitive: 12_345, mailbox_skips: 678 }),
-            tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0 }),
+            tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0, ..Tiles::default() }),
             nodes: vec![node(0), node(1)],
             memory: Some(Memory::new(&all, 32, 8192)),
             bus: Some(Bus {

@@ -130,6 +130,8 @@ fn start_loop(
     farewell: Option<oneshot::Sender<()>>,
 ) -> Result<(Handle, oneshot::Receiver<LoopOutcome>), BusError> {
     let BusConfiguration { cluster, arbiter, layout, recording } = configuration;
+    std::fs::create_dir_all(recording)
+        .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", recording.display())))?;
     let metadata = Metadata { cluster: *cluster, epoch, arbiter: *arbiter, layout: layout.clone() };
     let recording = Writer::create(recording, &metadata)?;
     let state = State::new(configuration, epoch);

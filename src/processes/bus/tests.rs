@@ -11,7 +11,7 @@ use crate::database::{Layout, Section};
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::connection::{BlockingConnection, Fault};
 use crate::protocol::control::LostAttempt;
-use crate::protocol::hello::{Hello, RunToken};
+use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::topology::Arbiter;
 

@@ -5,7 +5,9 @@
 
 mod children;
 mod closing;
+mod cluster;
 mod control_port;
+mod display_place;
 mod ending;
 mod executables;
 mod job_queue;
@@ -20,6 +22,7 @@ mod reach;
 mod recorded;
 mod shell;
 mod state;
+mod verification;
 
 #[cfg(test)]
 mod sample;
@@ -29,7 +32,7 @@ mod state_tests;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -58,6 +61,8 @@ pub struct RunRequest {
     pub topology: Topology,
     /// The folder for image, report, recording and logs; made if need be.
     pub out: PathBuf,
+    /// Whether the tiles in the folder's journal are taken over.
+    pub resume: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
@@ -151,6 +156,11 @@ impl RunError {
     }
 }
 
+/// Where a run leaves the topology that it resolved, in its folder.
+pub fn resolved_topology(out: &Path) -> PathBuf {
+    out.join(output_folder::TOPOLOGY_NAME)
+}
+
 /// Renders a topology with all its processes; returns when none of them lives any more.
 ///
 /// # Errors
@@ -180,7 +190,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
-    let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
+    let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
+    let folder = prepare(out, topology).map_err(RunError::Output)?;
     match telemetry::start(Some(&folder.log("manager"))) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
@@ -198,6 +209,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         exr: request.exr,
         record_references: request.record_references,
         journal: folder.journal(),
+        resume: request.resume,
         fingerprint: fingerprint(&prepared),
         image: folder.image(),
         recording: folder.recording(),

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::database::Header;
-use crate::ids::ClusterId;
+use crate::ids::{ClusterId, Epoch};
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
 };
 use crate::protocol::hello::Role;
+use crate::recording::bus_log;
 use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
 use crate::tracer::{AovSet, Tiling, View};
 
@@ -28,6 +29,8 @@ pub(super) struct Plan {
     pub(super) record_references: bool,
     /// The file of the display's journal.
     pub(super) journal: PathBuf,
+    /// Whether an earlier run's tiles are taken over.
+    pub(super) resume: bool,
     /// Of scene and image settings.
     pub(super) fingerprint: [u8; 32],
     /// The image file.
@@ -63,12 +66,12 @@ impl Plan {
         }
     }
 
-    pub(super) fn configure_bus(&self, cluster: ClusterId) -> BusCommand {
+    pub(super) fn configure_bus(&self, cluster: ClusterId, epoch: Epoch) -> BusCommand {
         BusCommand::Configure(BusConfiguration {
             cluster,
             arbiter: self.cluster.bus.arbiter,
             layout: self.header.layout.clone(),
-            recording: self.recording.clone(),
+            recording: bus_log::folder_of(&self.recording, cluster, epoch),
         })
     }
 
@@ -99,12 +102,12 @@ impl Plan {
         }))
     }
 
-    pub(super) fn configure_display(&self) -> DisplayCommand {
+    pub(super) fn configure_display(&self, epoch: Epoch) -> DisplayCommand {
         DisplayCommand::Configure(DisplayConfiguration {
             tiling: self.tiling,
             aov: self.aov,
             journal: self.journal.clone(),
-            resume: false,
+            resume: self.resume || epoch > Epoch(0),
             fingerprint: self.fingerprint,
             image: self.image.clone(),
             exr: self.exr,

@@ -17,6 +17,7 @@ pub(super) struct ProcessId {
 }
 
 impl ProcessId {
+    #[cfg(test)]
     pub(super) fn first(role: Role) -> Self {
         Self { role, epoch: Epoch(0) }
     }
@@ -50,7 +51,8 @@ impl fmt::Display for ProcessId {
         match (self.role, self.epoch.0) {
             (Role::Node(node), 0) => write!(f, "{node}"),
             (Role::Node(node), _) => write!(f, "{node} ({})", self.epoch),
-            (role, _) => write!(f, "the {role}"),
+            (role, 0) => write!(f, "the {role}"),
+            (role, _) => write!(f, "the {role} ({})", self.epoch),
         }
     }
 }
@@ -80,7 +82,7 @@ pub(super) enum Stage {
     Connected,
     /// A server listens; a node is configured.
     Serving,
-    /// A node was handed a tile.
+    /// A node was handed a tile; the display was asked for the image.
     Working,
     /// It has reported for the last time.
     Finished,

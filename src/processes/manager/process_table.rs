@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::process::{Process, ProcessId, Stage};
-use crate::protocol::hello::Role;
 use crate::topology::Deadlines;
 
 /// From the end of a control connection to that of its process.
@@ -28,11 +27,6 @@ impl ProcessTable {
         self.processes.iter_mut().find(|process| process.id == id)
     }
 
-    /// The process that holds a role now.
-    pub(super) fn holder(&self, role: Role) -> Option<&Process> {
-        self.processes.iter().find(|process| process.id.role == role)
-    }
-
     pub(super) fn iter(&self) -> impl Iterator<Item = &Process> {
         self.processes.iter()
     }
@@ -54,13 +48,14 @@ fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<St
     if let Some(hung_up) = process.hung_up {
         return late(hung_up, EXIT_DEADLINE).then(|| "closed its control connection and did not end".to_owned());
     }
+    let connect = process.connect_deadline.unwrap_or(deadlines.startup);
     match process.stage {
-        Stage::Spawned if late(process.since, process.connect_deadline.unwrap_or(deadlines.startup)) => {
-            let deadline = process.connect_deadline.unwrap_or(deadlines.startup);
-            return Some(format!("did not connect within {}", seconds(deadline)));
+        Stage::Spawned if late(process.since, connect) => {
+            return Some(format!("did not connect within {}", seconds(connect)));
         }
-        Stage::Connected if is_server && late(process.since, deadlines.startup) => {
-            return Some(format!("did not listen within {}", seconds(deadlines.startup)));
+        // A master waits for its bus, which may have to join.
+        Stage::Connected if is_server && late(process.since, connect) => {
+            return Some(format!("did not listen within {}", seconds(connect)));
         }
         // One that was handed a tile is the master's to judge.
         Stage::Serving if !is_server && late(process.since, deadlines.tile) => {
@@ -81,6 +76,7 @@ mod tests {
     use super::*;
     use crate::ids::{ClusterId, NodeId};
     use crate::processes::manager::sample;
+    use crate::protocol::hello::Role;
 
     /// Deadlines: startup 10 s, heartbeat 5 s, tile 60 s.
     fn overdue_at(second: u64, role: Role, stage: Stage, last_sign: u64, hung_up: Option<u64>) -> Option<String> {

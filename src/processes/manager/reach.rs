@@ -35,13 +35,25 @@ pub(super) fn say(address: SocketAddr, quiet: bool) {
     }
 }
 
+/// Why the manager cannot dial a server at the address that it tells, when it has dialled from there.
+pub(super) fn tells_its_own(origin: IpAddr, address: SocketAddr) -> Option<String> {
+    means_itself(address, origin).then(|| {
+        format!(
+            "it dials from {origin} and says that it is at {address}, which is no address of another machine; expected \
+             host.bind or host.advertise with an address that others can reach"
+        )
+    })
+}
+
+/// Whether an address is nobody's but the dialling machine's, told by or to somebody elsewhere.
+fn means_itself(address: SocketAddr, elsewhere: IpAddr) -> bool {
+    (address.ip().is_loopback() || address.ip().is_unspecified()) && !elsewhere.is_loopback()
+}
+
 /// Why a process that has dialled from there cannot use an address that it is to be told; as the rest of a sentence that
 /// begins with its name.
 pub(super) fn unreachable(origin: IpAddr, command: &Command) -> Option<String> {
-    let (server, address) = servers(command).into_iter().find(|(_, address)| {
-        let own = address.ip().is_loopback() || address.ip().is_unspecified();
-        own && !origin.is_loopback()
-    })?;
+    let (server, address) = servers(command).into_iter().find(|(_, address)| means_itself(*address, origin))?;
     Some(format!(
         "is on another machine, at {origin}, and cannot reach the {server} at {address}, which means that machine \
          itself; expected host.bind or host.advertise with an address that it can reach"
@@ -72,6 +84,8 @@ mod tests {
         assert!(unreachable(there, &display("[::]:1")).is_some());
         assert_eq!(unreachable(there, &display("10.0.0.1:1")), None);
         assert_eq!(unreachable([127, 0, 0, 1].into(), &display("127.0.0.1:1")), None);
+        let told = tells_its_own(there, "127.0.0.1:7".parse().expect("an address")).expect("its own");
+        assert!(told.starts_with("it dials from 10.0.0.2 and says that it is at 127.0.0.1:7"), "{told}");
     }
 
     #[test]

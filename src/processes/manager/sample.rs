@@ -43,6 +43,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         exr: false,
         record_references: false,
         journal: "out/tiles".into(),
+        resume: false,
         fingerprint: [0; 32],
         image: "out/image.png".into(),
         recording: "out/recording".into(),

@@ -15,6 +15,7 @@ use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::executables::Executables;
 use super::plan::Plan;
+use super::process::ProcessId;
 use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
@@ -22,6 +23,7 @@ use crate::ids::ClusterId;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
+use crate::protocol::hello::Role;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -49,7 +51,7 @@ fn status(state: &State) -> Status {
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.trace.all_rays(),
+        rays: state.ledger.total().trace.all_rays(),
         elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
@@ -60,8 +62,8 @@ struct Shell {
     port: ControlPort,
     children: Children,
     events: mpsc::Sender<Event>,
-    /// Until it is loaded into the bus.
-    words: Option<Arc<Vec<u32>>>,
+    /// Of the database, for every bus that starts.
+    words: Arc<Vec<u32>>,
     credentials: Credentials,
     upload_deadline: Duration,
 }
@@ -147,7 +149,7 @@ impl Shell {
             port,
             children,
             events,
-            words: Some(Arc::clone(&run.words)),
+            words: Arc::clone(&run.words),
             credentials: run.credentials.clone(),
             upload_deadline: deadlines.startup,
         }
@@ -172,7 +174,7 @@ impl Shell {
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
-                Action::Upload(bus) => self.upload(bus),
+                Action::Upload(bus, address) => self.upload(bus, address),
             }
         }
     }
@@ -187,21 +189,36 @@ impl Shell {
         }
     }
 
-    fn upload(&mut self, bus: SocketAddr) {
-        let Some(words) = self.words.take() else { return };
+    fn upload(&mut self, bus: ProcessId, address: SocketAddr) {
+        let Role::Bus(cluster) = bus.role else { return };
+        let refused = self.port.origin(bus).and_then(|origin| reach::tells_its_own(origin, address));
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let credentials = self.credentials.clone();
+        let (words, credentials) = (Arc::clone(&self.words), self.credentials.clone());
         tokio::spawn(async move {
-            let loaded = upload(bus, &credentials, bytemuck::cast_slice(&words), deadline).await;
+            let image = bytemuck::cast_slice(&words);
+            let loaded = match refused {
+                Some(why) => Err(why),
+                None => upload(cluster, address, &credentials, image, deadline).await,
+            };
+            let event = match loaded {
+                Ok(()) => Event::Uploaded(bus),
+                Err(why) => Event::UploadFailed(bus, why),
+            };
             // An error means that the manager has ended.
-            let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
+            let _ = events.send(event).await;
         });
     }
 }
 
 /// `deadline` is for each piece.
-async fn upload(bus: SocketAddr, credentials: &Credentials, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(ClusterId(0), bus, credentials, deadline).await?;
+async fn upload(
+    cluster: ClusterId,
+    bus: SocketAddr,
+    credentials: &Credentials,
+    image: &[u8],
+    deadline: Duration,
+) -> Result<(), String> {
+    let mut loader = Loader::connect(cluster, bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())

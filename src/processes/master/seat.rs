@@ -26,7 +26,9 @@ pub(super) struct Seat {
     pub(super) held: Vec<Held>,
     /// Whether the manager knows that it is at work.
     pub(super) announced: bool,
-    told_late: bool,
+    pub(super) told_late: bool,
+    /// Nobody will sit here any more.
+    pub(super) set_aside: bool,
 }
 
 /// An attempt that is out.
@@ -40,6 +42,10 @@ pub(super) struct Held {
 impl Seat {
     pub(super) fn taken_by(epoch: Epoch) -> Self {
         Self { epoch: Some(epoch), ..Self::default() }
+    }
+
+    pub(super) fn holds(&self, tile: TileId) -> bool {
+        self.held.iter().any(|held| held.tile == tile)
     }
 
     /// Whether the attempt was held here.

@@ -89,6 +89,7 @@ impl State {
             Event::Tick => self.report_late(now),
         }
         self.hand_out(now);
+        self.give_back();
         self.ask();
         std::mem::take(&mut self.actions)
     }
@@ -103,6 +104,9 @@ impl State {
             }
             MasterCommand::NodeLost { node, epoch } => self.lose(NodeProcess { node, epoch }),
             MasterCommand::NodeSetAside { node } => {
+                if let Some(place) = self.place(node) {
+                    self.seats[place].set_aside = true;
+                }
                 self.queue.iter_mut().filter(|grant| grant.node == Some(node)).for_each(|grant| grant.node = None);
             }
             MasterCommand::Finish => self.finish(),
@@ -111,15 +115,15 @@ impl State {
 
     fn connected(&mut self, process: NodeProcess) {
         let Some(place) = self.place(process.node) else { return };
-        let seat = &self.seats[place];
-        if seat.epoch.is_some_and(|current| process.epoch <= current) {
+        let Seat { epoch, set_aside, .. } = self.seats[place];
+        if epoch.is_some_and(|current| process.epoch <= current) {
             return self.dismiss(process, "has a successor, or came twice");
         }
         // A process is replaced when it is dead only.
-        if let Some(epoch) = seat.epoch {
+        if let Some(epoch) = epoch {
             self.lose(NodeProcess { epoch, ..process });
         }
-        self.seats[place] = Seat::taken_by(process.epoch);
+        self.seats[place] = Seat { set_aside, ..Seat::taken_by(process.epoch) };
     }
 
     fn disconnected(&mut self, process: NodeProcess) {
@@ -190,14 +194,29 @@ impl State {
     fn hand_out(&mut self, now: Duration) {
         let mut next = 0;
         while let Some(&node) = self.waiting.get(next) {
-            let may_trace =
-                |grant: &TileGrant| grant.node.is_none_or(|only| only == node) && !grant.except.contains(&node);
-            let Some(grant) = self.queue.iter().position(may_trace).and_then(|place| self.queue.remove(place)) else {
+            let holds = |tile| self.place(node).is_some_and(|place| self.seats[place].holds(tile));
+            let suits = |grant: &TileGrant| may_trace(node, grant) && !holds(grant.tile);
+            let Some(grant) = self.queue.iter().position(suits).and_then(|place| self.queue.remove(place)) else {
                 next += 1;
                 continue;
             };
             self.waiting.remove(next);
             self.hand(now, node, grant);
+        }
+    }
+
+    /// Grants that are for none of the nodes that are left.
+    fn give_back(&mut self) {
+        let (first, seats) = (self.first_node.0, &self.seats);
+        let can_be_taken = |grant: &TileGrant| {
+            let mut nodes = (first..).map(NodeId).zip(seats);
+            nodes.any(|(node, seat)| !seat.set_aside && may_trace(node, grant))
+        };
+        let returned: Vec<_> = self.queue.iter().filter(|grant| !can_be_taken(grant)).cloned().collect();
+        if !returned.is_empty() {
+            self.queue.retain(|grant| !returned.contains(grant));
+            let returned = returned.into_iter().map(|grant| (grant.tile, grant.attempt)).collect();
+            self.actions.push(Action::Report(MasterReport::Returned(returned)));
         }
     }
 
@@ -251,6 +270,10 @@ impl State {
     fn incident(&mut self, text: String) {
         self.actions.push(Action::Report(MasterReport::Incident(text)));
     }
+}
+
+fn may_trace(node: NodeId, grant: &TileGrant) -> bool {
+    grant.node.is_none_or(|only| only == node) && !grant.except.contains(&node)
 }
 
 #[cfg(test)]

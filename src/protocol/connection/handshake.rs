@@ -28,7 +28,10 @@ pub struct Peer {
 
 impl fmt::Display for Peer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({}) at {}", self.role, self.epoch, self.address)
+        match self.epoch {
+            Epoch::JOINING => write!(f, "a process that joins, at {}", self.address),
+            epoch => write!(f, "{} ({epoch}) at {}", self.role, self.address),
+        }
     }
 }
 
