@@ -56,7 +56,8 @@ macro_rules! messages {
 }
 
 messages! {
-    Bootstrap: HELLO_BYTES_MAX, bulk 0;
+    // With keys and certificates; less than a pipe takes at once.
+    Bootstrap: 32 << 10, bulk 0;
     // What follows it is the rest of the hello.
     HelloPrelude: 12, bulk HELLO_BYTES_MAX - 12;
     Hello: HELLO_BYTES_MAX, bulk 0;

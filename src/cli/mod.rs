@@ -5,6 +5,7 @@ pub mod check;
 pub mod failure;
 mod grid_options;
 pub mod inspect;
+pub mod keys;
 mod lists;
 pub mod options;
 pub mod program;
@@ -39,6 +40,7 @@ enum Command {
     Scene(scene::SceneArguments),
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
+    Keys(keys::KeysArguments),
     Replay(Box<replay::ReplayArguments>),
     Verify(verify::VerifyArguments),
     Study(study::StudyArguments),
@@ -55,6 +57,7 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Keys(arguments) => keys::keys(arguments),
             Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Study(arguments) => study::study(arguments),
@@ -106,6 +109,9 @@ mod tests {
             "marti scene gears --size 4 -o gears4.nff",
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
             "marti check t.toml --set scene.file=a.nff",
+            "marti keys new k --days 7",
+            "marti keys show k",
+            "marti keys rotate k --authority",
             "marti verify teapot:12 --rays 1000 --seed 7 --scale 1e-12 --translate -1e6 --json",
             "marti verify --watertight --rays 1000000000 --seed 2",
             "marti schema topology",
@@ -150,6 +156,8 @@ mod tests {
             ("marti render a.nff --leaf-size 0", "expected an integer from 1 to 1024"),
             ("marti render a.nff --max-depth 21", "expected an integer from 0 to 20"),
             ("marti render a.nff --mailbox maybe", "possible values: on, off"),
+            ("marti keys new", "<FOLDER>"),
+            ("marti keys new k --days 0", "0 is not in 1..=36500"),
             ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
             ("marti verify", "<SCENE>"),
             ("marti verify gears --watertight", "cannot be used with"),

@@ -29,6 +29,9 @@ pub struct JoinArguments {
     /// Take a place on this host of the topology alone
     #[arg(long, value_name = "NAME", env = "MARTI_HOST")]
     host: Option<String>,
+    /// Folder of keys that `marti keys new` made, or the file of this role
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    keys: Option<PathBuf>,
     /// File of the run's token, OUT/join.token, where there are no keys
     #[arg(long, value_name = "FILE", env = "MARTI_TOKEN")]
     token: Option<PathBuf>,
@@ -44,6 +47,7 @@ impl JoinArguments {
             manager,
             port,
             token: self.token,
+            keys: self.keys,
             host: self.host,
             bind: self.interface,
             advertise: self.advertise,

@@ -34,6 +34,9 @@ pub struct RunArguments {
     /// Listen here for those who join, instead of where the topology's first host says
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,
+    /// Folder of the cluster's keys, which `marti keys new` makes: processes prove who they are, and all is encrypted
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    pub keys: Option<PathBuf>,
     /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
     #[arg(long)]
     pub insecure: bool,
@@ -81,6 +84,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
         listen: arguments.listen,
+        keys: arguments.keys.clone(),
         insecure: arguments.insecure,
         quiet: arguments.quiet,
     })

@@ -8,7 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
-use crate::protocol::connection::{ConnectionError, Credentials, Introduction};
+use crate::keys::KeysError;
+use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
 use crate::protocol::control::{Bootstrap, Command};
 use crate::protocol::hello::Role;
 use crate::telemetry::{self, TelemetryError};
@@ -25,6 +26,7 @@ pub struct Child {
     pub bootstrap: Bootstrap,
     /// Joined: it begins anew when its run has failed.
     pub joined: bool,
+    tls: Option<Tls>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +41,8 @@ pub enum StartError {
     Manager(#[from] ConnectionError),
     #[error(transparent)]
     Join(#[from] JoinError),
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
 }
@@ -65,7 +69,14 @@ impl Child {
             telemetry::start(bootstrap.log.as_deref())?;
         }
         tracing::info!("{program} {} as {} ({})", env!("CARGO_PKG_VERSION"), bootstrap.role, bootstrap.epoch);
-        Ok(Self { bootstrap, joined })
+        Self::new(bootstrap, joined)
+    }
+
+    /// # Errors
+    /// Its keys cannot be used.
+    pub(super) fn new(bootstrap: Bootstrap, joined: bool) -> Result<Self, StartError> {
+        let tls = bootstrap.identity.as_ref().map(Tls::new).transpose()?;
+        Ok(Self { bootstrap, joined, tls })
     }
 
     /// How this process introduces itself, to whomever it dials.
@@ -75,7 +86,7 @@ impl Child {
 
     /// What this process asks of those who dial it.
     pub fn credentials(&self) -> Credentials {
-        Credentials::plain(self.bootstrap.token)
+        Credentials { tls: self.tls.clone(), ..Credentials::plain(self.bootstrap.token) }
     }
 
     /// Dials the manager.
@@ -143,6 +154,7 @@ mod tests {
             epoch: Epoch(1),
             token: RunToken::new([7; 32]),
             manager: ([127, 0, 0, 1], 4242).into(),
+            identity: None,
             bind: Some([127, 0, 0, 2].into()),
             advertise: Some("there.example".to_owned()),
             log: Some("logs/node-3.log".into()),
@@ -162,7 +174,7 @@ mod tests {
         let refused = |mut input: &[u8]| read(&mut input).expect_err("not a bootstrap");
         assert_eq!(refused(b""), "standard input is empty");
         assert_eq!(refused(&frame[..20]), "standard input ends early");
-        assert!(refused(&[0xff; 64]).contains("at most 4096"), "a claim of 4 GiB");
+        assert!(refused(&[0xff; 64]).contains("at most 32768"), "a claim of 4 GiB");
         assert!(refused(&[0, 0, 0, 4, 9, 9, 9, 9]).contains("not a Bootstrap"));
     }
 }

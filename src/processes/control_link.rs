@@ -187,6 +187,7 @@ mod tests {
             epoch: Epoch(0),
             token: credentials.token,
             manager: manager.address(),
+            identity: None,
             bind: None,
             advertise: None,
             log: None,
@@ -194,7 +195,7 @@ mod tests {
         };
         let busy = 20 * PERIOD;
         let process = thread::spawn(move || {
-            let child = Child { bootstrap, joined: false };
+            let child = Child::new(bootstrap, false).expect("no keys");
             let mut link: ControlLink<BusCommand, BusReport> =
                 ControlLink::open(&child, BusReport::Heartbeat).expect("welcome");
             let command = link.commands.blocking_recv();

@@ -14,7 +14,8 @@ use tokio::time::{Instant, sleep, timeout_at};
 
 use super::{listening, token};
 use crate::ids::Epoch;
-use crate::protocol::connection::{Credentials, connect};
+use crate::keys::Identity;
+use crate::protocol::connection::{Credentials, Tls, connect};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::join::{JoinReply, JoinRequest};
@@ -42,6 +43,8 @@ pub struct Joining {
     pub port: u16,
     /// The run's token, by its file, which is read again for every try: another run has another one.
     pub token: Option<PathBuf>,
+    /// Its keys: a folder of `marti keys new`, or the file of this role; read again for every try.
+    pub keys: Option<PathBuf>,
     /// The host of the topology to have a place on; `None`: any.
     pub host: Option<String>,
     /// Where a server listens, and under what others reach it, instead of what the topology says.
@@ -98,7 +101,8 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
     let said = |error: &dyn std::fmt::Display| error.to_string();
     let like = joining.bind.unwrap_or([127, 0, 0, 1].into());
     let address = listening::look_up(&joining.manager, joining.port, like).await.map_err(|error| said(&error))?;
-    let introduction = credentials(joining)?.introduction(role, Epoch::JOINING);
+    let identity = identity(role, joining)?;
+    let introduction = credentials(joining, identity.as_ref())?.introduction(role, Epoch::JOINING);
     let connection =
         connect(Role::Manager, address, &introduction, CONNECT_DEADLINE).await.map_err(|error| said(&error))?;
     let (mut sender, mut receiver) = connection.split::<JoinRequest, JoinReply>();
@@ -110,6 +114,7 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
                 return Ok(Bootstrap {
                     // It has answered here.
                     manager: address,
+                    identity,
                     bind: joining.bind.or(bootstrap.bind),
                     advertise: joining.advertise.clone().or(bootstrap.advertise),
                     ..*bootstrap
@@ -124,13 +129,19 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
     }
 }
 
+fn identity(role: Role, joining: &Joining) -> Result<Option<Identity>, String> {
+    let read = |path: &PathBuf| Identity::read(path, role.kind()).map_err(|error| error.to_string());
+    joining.keys.as_ref().map(read).transpose()
+}
+
 /// Without a token a certificate must do.
-fn credentials(joining: &Joining) -> Result<Credentials, String> {
+fn credentials(joining: &Joining, identity: Option<&Identity>) -> Result<Credentials, String> {
     let token = match &joining.token {
         Some(path) => token::read(path).map_err(|error| error.to_string())?,
         None => RunToken::new([0; 32]),
     };
-    Ok(Credentials::plain(token))
+    let tls = identity.map(Tls::new).transpose().map_err(|error| error.to_string())?;
+    Ok(Credentials { tls, ..Credentials::plain(token) })
 }
 
 /// Ever longer, up to a bound, and not the same for processes that were started together.

@@ -11,6 +11,7 @@ use super::work::TileDone;
 use crate::codec::Message;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::keys::Identity;
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
 use crate::tracer::simd::Simd;
 use crate::tracer::{AovSet, Tiling, View};
@@ -23,6 +24,8 @@ pub struct Bootstrap {
     pub epoch: Epoch,
     pub token: RunToken,
     pub manager: SocketAddr,
+    /// What it proves itself with; `None`: plain TCP, or what it has of its own.
+    pub identity: Option<Identity>,
     /// Where a server listens; `None`: at the interface by which it reaches the manager.
     pub bind: Option<IpAddr>,
     /// Under what others reach a server, an address or a name; `None`: under the address that it listens at.
@@ -304,7 +307,7 @@ pub struct Comparison {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileResult {
     pub attempt: Attempt,
-    /// `None`: from a journal.
+    /// `None`: of an earlier run, from its journal; the attempt counts for nothing then.
     pub source: Option<(NodeId, Epoch)>,
     /// SHA-256 of the bytes.
     pub digest: [u8; 32],

@@ -3,8 +3,10 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::keys::RoleKind;
 
 /// Raised with every change of a message.
 pub const PROTOCOL_VERSION: u32 = 2;
@@ -20,6 +22,19 @@ pub enum Role {
     Master(ClusterId),
     Node(NodeId),
     Display,
+}
+
+impl Role {
+    /// Without its number.
+    pub const fn kind(self) -> RoleKind {
+        match self {
+            Self::Manager => RoleKind::Manager,
+            Self::Bus(_) => RoleKind::Bus,
+            Self::Master(_) => RoleKind::Master,
+            Self::Node(_) => RoleKind::Node,
+            Self::Display => RoleKind::Display,
+        }
+    }
 }
 
 impl fmt::Display for Role {
@@ -49,6 +64,12 @@ impl RunToken {
     /// 64 digits, for a file that nobody else can read.
     pub fn to_hexadecimal(self) -> String {
         self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// A name of the run that does not betray the secret.
+    pub fn run_id(self) -> u64 {
+        let digest = Sha256::digest(self.0);
+        u64::from_le_bytes(std::array::from_fn(|i| digest[i]))
     }
 
     pub fn from_hexadecimal(text: &str) -> Option<Self> {

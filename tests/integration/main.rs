@@ -13,4 +13,5 @@ mod processes;
 mod recording;
 mod reference;
 mod references;
+mod resume;
 mod same_image;

@@ -157,7 +157,7 @@ async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listene
 fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
     let admitted = arrival.and_then(|(peer, connection)| Ok((peer, connection.into_std()?)));
     let incident = match admitted {
-        Ok((peer, stream)) => match handle.send(Command::Admit(peer, stream)) {
+        Ok((peer, socket)) => match handle.send(Command::Admit(peer, socket)) {
             Ok(()) => return None,
             Err(error) => format!("{peer}: not admitted: {error}"),
         },

@@ -14,6 +14,7 @@ use super::places::Places;
 use super::plan::host_of;
 use super::process::ProcessId;
 use super::state::Event;
+use crate::keys::Identity;
 use crate::processes::control_link::{ORPHAN_GRACE, patience};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
@@ -30,6 +31,8 @@ pub(super) struct Children {
     pub(super) placement: Placement,
     pub(super) logs: PathBuf,
     pub(super) token: RunToken,
+    /// Of the roles that are started from here; empty: plain TCP.
+    pub(super) identities: Vec<Identity>,
     /// Where processes of this machine reach the manager, and where others do.
     pub(super) manager: SocketAddr,
     pub(super) advertised: SocketAddr,
@@ -57,6 +60,7 @@ impl Children {
             epoch: id.epoch,
             token: self.token,
             manager: if is_local { self.manager } else { self.advertised },
+            identity: self.identities.iter().find(|identity| identity.kind == id.role.kind()).cloned(),
             bind: host.bind,
             advertise: host.advertise.clone(),
             log: is_local.then(|| log.clone()),
@@ -66,7 +70,8 @@ impl Children {
         self.alive.insert(id, life);
         let events = self.events.clone();
         if host.launch == Launch::External {
-            self.places.offer(id, &host.name, bootstrap);
+            // It has come by keys of its own.
+            self.places.offer(id, &host.name, Bootstrap { identity: None, ..bootstrap });
             // An error means that the manager has ended, here and below.
             tokio::spawn(async move { drop(events.send(Event::Exited(id, life::watch_joined(fate).await)).await) });
             return;

@@ -44,8 +44,10 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::journal::{Journal, JournalError, Subject};
+use crate::keys::{Identity, KeysError, RoleKind};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
-use crate::protocol::connection::Credentials;
+use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
@@ -69,6 +71,8 @@ pub struct RunRequest {
     pub record_references: bool,
     /// Where the manager listens, instead of where the topology says.
     pub listen: Option<SocketAddr>,
+    /// The folder of the cluster's keys: everything is said by TLS.
+    pub keys: Option<PathBuf>,
     /// Whether addresses at which other machines can knock are used without TLS.
     pub insecure: bool,
     /// No progress on standard error.
@@ -122,12 +126,17 @@ pub enum RunError {
         "{address} is an address that other machines can reach: expected --keys DIR (`marti keys new DIR` makes them), or --insecure in a network that you trust"
     )]
     NoKeys { address: String },
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -144,15 +153,17 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(
-            self,
+        match self {
             Self::Preparation(_)
-                | Self::NothingToRecord
-                | Self::NoSharedFiles { .. }
-                | Self::NoKeys { .. }
-                | Self::TooManyTiles { .. }
-                | Self::LocalMemory(_)
-        )
+            | Self::NothingToRecord
+            | Self::NoSharedFiles { .. }
+            | Self::NoKeys { .. }
+            | Self::Keys(_)
+            | Self::TooManyTiles { .. }
+            | Self::LocalMemory(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            _ => false,
+        }
     }
 }
 
@@ -180,15 +191,28 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     }
     let first = placement.of_manager();
     let listen = request.listen.unwrap_or((first.interface(), first.port).into());
-    if !request.insecure
-        && let Some(address) = open_address(listen, &placement)
-    {
-        return Err(RunError::NoKeys { address });
-    }
+    let warning = match open_address(listen, &placement).filter(|_| request.keys.is_none()) {
+        Some(address) if !request.insecure => return Err(RunError::NoKeys { address }),
+        open => {
+            open.map(|address| format!("{address} is used without keys: who can reach it can read all that is said"))
+        }
+    };
+    let Keys { tls, identities } = request.keys.as_deref().map(Keys::read).transpose()?.unwrap_or_default();
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
+
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
 
     let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
     let folder = prepare(out, topology).map_err(RunError::Output)?;
@@ -205,17 +229,17 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
-        journal: folder.journal(),
+        journal: output_folder::journal(out),
         resume: request.resume,
-        fingerprint: fingerprint(&prepared),
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
     let secret = secret()?;
-    let joiners_token = plan.placement.has_joiners().then(|| folder.join_token());
+    let joiners_token = (plan.placement.has_joiners() && request.keys.is_none()).then(|| folder.join_token());
     if let Some(path) = &joiners_token {
         token::write(path, secret).map_err(RunError::Output)?;
     }
@@ -223,7 +247,9 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         start,
         executables,
         logs: folder.logs(),
-        credentials: Credentials::plain(secret),
+        credentials: Credentials { tls, joiners: plan.placement.has_joiners(), ..Credentials::plain(secret) },
+        identities,
+        warning,
         listen,
         words: Arc::clone(&database.words),
         quiet: request.quiet,
@@ -232,7 +258,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
     let state = runtime.block_on(run.finish(plan));
     if let Some(path) = joiners_token {
@@ -273,6 +299,23 @@ fn fingerprint(prepared: &Prepared) -> [u8; 32] {
     hash.update(prepared.database.database().bytes());
     hash.update(format!("{:?}", prepared.view));
     hash.finalize().into()
+}
+
+/// What the manager and the processes that it starts prove themselves with.
+#[derive(Default)]
+struct Keys {
+    tls: Option<Tls>,
+    identities: Vec<Identity>,
+}
+
+impl Keys {
+    fn read(folder: &Path) -> Result<Self, KeysError> {
+        let identities = RoleKind::ALL.into_iter().filter(|&kind| kind != RoleKind::Manager);
+        Ok(Self {
+            tls: Some(Tls::new(&Identity::read(folder, RoleKind::Manager)?)?),
+            identities: identities.map(|kind| Identity::read(folder, kind)).collect::<Result<_, _>>()?,
+        })
+    }
 }
 
 /// What other machines could knock at, if anything.

@@ -11,6 +11,11 @@ use crate::topology::Topology;
 /// The resolved topology.
 pub(super) const TOPOLOGY_NAME: &str = "topology.toml";
 
+/// The display's journal.
+pub(super) fn journal(out: &Path) -> PathBuf {
+    out.join("tiles")
+}
+
 #[derive(Debug)]
 pub(super) struct OutputFolder {
     root: PathBuf,
@@ -81,11 +86,6 @@ impl OutputFolder {
     /// What a process needs to join without keys: the run's token, for its owner alone.
     pub(super) fn join_token(&self) -> PathBuf {
         self.root.join("join.token")
-    }
-
-    /// The display's journal.
-    pub(super) fn journal(&self) -> PathBuf {
-        self.root.join("tiles")
     }
 
     pub(super) fn recording(&self) -> PathBuf {

@@ -147,6 +147,7 @@ mod tests {
                 epoch: Epoch(0),
                 token: RunToken::new([0; 32]),
                 manager: ([127, 0, 0, 1], 1).into(),
+                identity: None,
                 bind: None,
                 advertise: None,
                 log: None,

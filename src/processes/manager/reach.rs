@@ -35,6 +35,13 @@ pub(super) fn say(address: SocketAddr, quiet: bool) {
     }
 }
 
+/// Says what must not be overlooked.
+pub(super) fn warn(what: &str) {
+    tracing::warn!("{what}");
+    // As above.
+    let _ = writeln!(stderr(), "warning: {what}");
+}
+
 /// Why the manager cannot dial a server at the address that it tells, when it has dialled from there.
 pub(super) fn tells_its_own(origin: IpAddr, address: SocketAddr) -> Option<String> {
     means_itself(address, origin).then(|| {

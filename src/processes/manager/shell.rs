@@ -20,6 +20,7 @@ use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::ids::ClusterId;
+use crate::keys::Identity;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
@@ -37,6 +38,9 @@ pub(super) struct Run {
     /// The folder of the logs.
     pub(super) logs: PathBuf,
     pub(super) credentials: Credentials,
+    pub(super) identities: Vec<Identity>,
+    /// Said loudly, and in the report.
+    pub(super) warning: Option<String>,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
     /// Where the manager listens.
@@ -89,6 +93,10 @@ impl Run {
         }
         let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
         let (mut state, actions) = State::start(plan);
+        if let Some(warning) = &self.warning {
+            reach::warn(warning);
+            state.ledger.incident(Duration::ZERO, warning.clone());
+        }
         let mut progress = Progress::new(self.quiet, state.queue.total());
         shell.act(actions);
         let mut tick = interval(TICK);
@@ -135,6 +143,7 @@ impl Shell {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
             token: run.credentials.token,
+            identities: run.identities.clone(),
             placement: plan.placement.clone(),
             manager: reach::from_here(port.address()),
             advertised,

@@ -2,6 +2,7 @@
 //! the display, and tells the master when they have arrived.
 
 pub mod bus_lines;
+pub mod display_link;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
@@ -9,13 +10,13 @@ pub mod whole_database;
 
 use std::time::Duration;
 
-use bytes::Buf;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep_until, timeout_at};
+use tokio::time::{Instant, sleep_until};
 
 pub use bus_lines::BusLines;
 
+use self::display_link::DisplayLink;
 use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
@@ -24,12 +25,11 @@ use crate::ids::ClusterId;
 use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::Role;
-use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
-/// For master and display to answer the hello.
+/// For the master to answer the hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
-/// For the display to acknowledge a tile.
+/// For the display to acknowledge a tile; for a new one to be there, when the last is not.
 const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
 
 /// From being asked to go until it goes, whatever it holds: its tiles are done by others then.
@@ -53,6 +53,8 @@ pub enum NodeError {
     PixelsRefused(String),
     #[error("the display acknowledged nothing for {} s", ACKNOWLEDGE_DEADLINE.as_secs())]
     Unacknowledged,
+    #[error("no display for {} s: {why}", ACKNOWLEDGE_DEADLINE.as_secs())]
+    NoDisplay { why: String },
     #[error("the manager is gone")]
     Orphaned,
 }
@@ -93,13 +95,17 @@ enum End {
 /// Until the manager says that it is over, or a signal that this node is to go.
 async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<End, NodeError> {
     let mut terminate = signal(SignalKind::terminate())?;
-    let configuration = tokio::select! {
-        command = link.commands.recv() => match command {
-            Some(NodeCommand::Configure(configuration)) => *configuration,
-            Some(NodeCommand::Finish) => return Ok(End::Finished),
-            Some(NodeCommand::Heartbeat | NodeCommand::Display(_)) | None => return Err(NodeError::Orphaned),
-        },
-        _ = terminate.recv() => return Ok(End::Left),
+    let configuration = loop {
+        tokio::select! {
+            command = link.commands.recv() => match command {
+                Some(NodeCommand::Configure(configuration)) => break *configuration,
+                // The configuration will say which display there is.
+                Some(NodeCommand::Heartbeat | NodeCommand::Display(_)) => {}
+                Some(NodeCommand::Finish) => return Ok(End::Finished),
+                None => return Err(NodeError::Orphaned),
+            },
+            _ = terminate.recv() => return Ok(End::Left),
+        }
     };
     let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
     let mut leave_by = None;
@@ -107,7 +113,8 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
         let event = tokio::select! {
             command = link.commands.recv() => match command {
                 Some(NodeCommand::Finish) => return Ok(End::Finished),
-                Some(NodeCommand::Heartbeat | NodeCommand::Display(_)) => continue,
+                Some(NodeCommand::Heartbeat) => continue,
+                Some(NodeCommand::Display(address)) => Event::NewDisplay(address),
                 Some(NodeCommand::Configure(_)) => {
                     tracing::warn!("configured twice: the second is not heeded");
                     continue;
@@ -143,11 +150,10 @@ struct Shell {
     tracer: Tracer,
     to_master: Sender<WorkRequest>,
     from_master: Receiver<WorkReply>,
-    to_display: Sender<TilePixels>,
-    from_display: Receiver<ImageReply>,
+    display: DisplayLink,
     /// To the manager.
     reports: mpsc::Sender<NodeReport>,
-    /// Of the acknowledgement that is awaited.
+    /// When what the display owes is overdue.
     late: Instant,
 }
 
@@ -159,28 +165,18 @@ impl Shell {
     ) -> Result<Self, NodeError> {
         let master =
             connect(Role::Master(configuration.cluster), configuration.master, &introduction, CONNECT_DEADLINE).await?;
-        let display = connect(Role::Display, configuration.display, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
-        let (to_display, from_display) = display.split();
         let cluster = configuration.cluster;
-        let state = State::new(configuration.tiling);
+        let state = State::new(configuration.tiling, configuration.display);
+        let display = DisplayLink::dial(configuration.display, introduction.clone());
         let tracer = Tracer::start(configuration, introduction)?;
-        Ok(Self {
-            cluster,
-            state,
-            tracer,
-            to_master,
-            from_master,
-            to_display,
-            from_display,
-            reports,
-            late: Instant::now(),
-        })
+        let late = Instant::now() + ACKNOWLEDGE_DEADLINE;
+        Ok(Self { cluster, state, tracer, to_master, from_master, display, reports, late })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
     async fn event(&mut self) -> Result<Event, NodeError> {
-        let late = self.state.awaits_display().then_some(self.late);
+        let awaits_display = self.state.awaits_display();
         tokio::select! {
             said = self.tracer.said.recv() => match said {
                 Some(FromTracer::Ready(packets)) => Ok(Event::TracerReady(packets)),
@@ -192,16 +188,17 @@ impl Shell {
                 Some(WorkReply::Job { tile, attempt }) => Ok(Event::Job { tile, attempt }),
                 None => Err(NodeError::Left(Role::Master(self.cluster))),
             },
-            reply = receive_until(&mut self.from_display, late) => match reply? {
-                Some(ImageReply::Acknowledged { tile, attempt }) => Ok(Event::Acknowledged { tile, attempt }),
-                Some(ImageReply::Refused(why)) => Err(NodeError::PixelsRefused(why)),
-                None => Err(NodeError::Left(Role::Display)),
+            event = self.display.event() => event,
+            () = sleep_until(self.late), if awaits_display => match self.display.loss() {
+                Some(why) => Err(NodeError::NoDisplay { why: why.to_owned() }),
+                None => Err(NodeError::Unacknowledged),
             },
         }
     }
 
     async fn handle(&mut self, event: Event) -> Result<(), NodeError> {
-        if matches!(event, Event::Traced(_) | Event::Acknowledged { .. }) {
+        let progress = matches!(event, Event::Traced(_) | Event::Acknowledged { .. } | Event::NewDisplay(_));
+        if progress || !self.state.awaits_display() {
             self.late = Instant::now() + ACKNOWLEDGE_DEADLINE;
         }
         for action in self.state.handle(event)? {
@@ -212,28 +209,12 @@ impl Shell {
                 Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
                 // There is room: no more tiles are asked for than the queue takes.
                 Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
-                Action::SendPixels { tile, attempt, pixels } => {
-                    let planes = pixels.planes();
-                    let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
-                    let [colour, depth, normal, primitive] = planes;
-                    let planes = colour.chain(depth).chain(normal).chain(primitive);
-                    self.to_display.send_with_bulk(&TilePixels { tile, attempt, crc32c }, planes).await?;
-                }
+                Action::DialDisplay { address, pause } => self.display.redial(address, pause),
+                Action::SendPixels { tile, attempt, pixels } => self.display.send(tile, attempt, &pixels).await,
             }
         }
         Ok(())
     }
-}
-
-async fn receive_until(
-    display: &mut Receiver<ImageReply>,
-    late: Option<Instant>,
-) -> Result<Option<ImageReply>, NodeError> {
-    match late {
-        Some(late) => timeout_at(late, display.receive()).await.map_err(|_| NodeError::Unacknowledged)?,
-        None => display.receive().await,
-    }
-    .map_err(NodeError::from)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::io;
+use std::sync::Arc;
 use std::thread;
 
 use crossbeam_channel as channel;
@@ -80,7 +81,7 @@ fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, 
     memory.bus().tell_pixels(job.rect.pixel_count())?;
     let Job { tile, attempt, .. } = *job;
     let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
-    Ok(Traced { done: Box::new(done), pixels })
+    Ok(Traced { done: Box::new(done), pixels: Arc::new(pixels) })
 }
 
 fn thread_cpu_nanoseconds() -> nix::Result<u64> {

@@ -6,8 +6,9 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::handshake::judge_reply;
+use super::handshake::{judge_reply, unless_tls};
 use super::read_buffer::{ReadBuffer, would_block};
+use super::socket::Socket;
 use super::{ConnectionError, Fault, Introduction, READ_BYTES, WRITE_DEADLINE};
 use crate::codec::{self, Message};
 use crate::protocol::hello::{HELLO_BYTES_MAX, HelloReply, Role};
@@ -16,7 +17,7 @@ use crate::protocol::hello::{HELLO_BYTES_MAX, HelloReply, Role};
 /// allocated once the buffers have grown to the largest frame.
 #[derive(Debug)]
 pub struct BlockingConnection<Out, In> {
-    stream: TcpStream,
+    socket: Socket<TcpStream>,
     peer: Arc<str>,
     /// For a whole frame to arrive.
     deadline: Duration,
@@ -38,10 +39,11 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
         deadline: Duration,
     ) -> Result<Self, ConnectionError> {
         let peer: Arc<str> = format!("{role} at {address}").into();
-        Self::introduce(address, introduction, deadline, &peer).map_err(|fault| fault.of(&peer))
+        Self::introduce(role, address, introduction, deadline, &peer).map_err(|fault| fault.of(&peer))
     }
 
     fn introduce(
+        role: Role,
         address: SocketAddr,
         introduction: &Introduction,
         deadline: Duration,
@@ -49,10 +51,14 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     ) -> Result<Self, Fault> {
         let stream = TcpStream::connect_timeout(&address, deadline).map_err(Fault::Io)?;
         stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(deadline))?;
         stream.set_write_timeout(Some(WRITE_DEADLINE))?;
+        let mut socket = match &introduction.tls {
+            None => Socket::Plain(stream),
+            Some(tls) => tls.connect_blocking(role.kind(), stream, deadline)?,
+        };
+        socket.inner_mut().set_read_timeout(Some(deadline))?;
         let mut connection = Self {
-            stream,
+            socket,
             peer: Arc::clone(peer),
             deadline,
             outgoing: codec::encode(&introduction.hello, &[])?,
@@ -60,7 +66,7 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
             messages: PhantomData,
         };
         connection.write_outgoing()?;
-        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME)?;
+        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME).map_err(unless_tls)?;
         judge_reply(connection.incoming.take(bytes))?;
         Ok(connection)
     }
@@ -81,8 +87,8 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     }
 
     fn write_outgoing(&mut self) -> Result<(), Fault> {
-        self.stream
-            .write_all(&self.outgoing)
+        let written = self.socket.write_all(&self.outgoing).and_then(|()| self.socket.flush());
+        written
             .map_err(|error| if would_block(&error) { Fault::Stuck { deadline: WRITE_DEADLINE } } else { error.into() })
     }
 
@@ -112,7 +118,7 @@ impl<Out, In> BlockingConnection<Out, In> {
             if late.is_some_and(|late| Instant::now() >= late) {
                 return Err(Fault::Silent { awaited, deadline });
             }
-            match self.incoming.fill_from(&self.stream) {
+            match self.incoming.fill_from(&mut self.socket) {
                 Ok(_) => {}
                 Err(Fault::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
                 Err(Fault::Io(error)) if would_block(&error) => return Err(Fault::Silent { awaited, deadline }),

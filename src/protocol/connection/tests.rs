@@ -77,7 +77,7 @@ async fn a_torn_frame_is_not_a_clean_close() {
     for cut in 1..frame.len() {
         let (mut dialled, accepted) = tcp_pair().await;
         let (_, mut receiver) =
-            Connection::new(accepted, "peer".into()).expect("open").split::<WorkRequest, WorkReply>();
+            Connection::new(Stream::Plain(accepted), "peer".into()).expect("open").split::<WorkRequest, WorkReply>();
         dialled.write_all(&frame[..cut]).await.expect("open");
         drop(dialled);
         let error = receiver.receive_within(SOON).await.expect_err("torn");
