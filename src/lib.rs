@@ -7,6 +7,7 @@
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
 
 pub mod atomic_file;
+pub mod chaos;
 pub mod cli;
 pub mod codec;
 pub mod database;

@@ -80,6 +80,13 @@ fn replays_start_nothing() {
 }
 
 #[test]
+fn faults_are_planned_here_and_carried_out_elsewhere() {
+    let impure = ["tokio", "std::net", "std::fs", "std::process", "SystemTime", "Instant", "getrandom", "nix"];
+    forbid("src/chaos", &impure, &[], "a schedule is told the time and what lives");
+    forbid("src/chaos", &["crate::processes", "crate::protocol", "crate::cli"], &[], "a schedule knows no process");
+}
+
+#[test]
 fn studies_replay_and_start_nothing() {
     let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
     forbid("src/study", &outer, &[], "a study is a function of its scenes");

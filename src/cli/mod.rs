@@ -116,6 +116,7 @@ mod tests {
             "marti verify --watertight --rays 1000000000 --seed 2",
             "marti schema topology",
             "marti run t.toml --record references",
+            "marti run t.toml --chaos random(3)",
             "marti replay out/t",
             "marti replay out/t --local-memory 1/32..1/4,all --line 16..256 --ways 1..8,full --replacement lru,optimal \
              --nodes 1..64x2 --clusters 1,2 --tile-order morton --assignment on-demand --bus-width 1..64 \
@@ -166,6 +167,7 @@ mod tests {
             ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti scene gears --size -1", "unexpected argument"),
             ("marti run t.toml --record misses", "possible values: references"),
+            ("marti run t.toml --chaos kill", "column 5: expected bus, master, node or display"),
             ("marti replay", "<RECORDING>"),
             ("marti replay o --local-memory 9/8", "a share of the database above 0"),
             ("marti replay o --local-memory 1/8..4096", "is empty"),

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::options::OutputOptions;
 use super::{Exit, Failure, print};
+use crate::chaos::Schedule;
 use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
 use crate::report::{Report, Status, json, text};
 use crate::topology::{Override, Topology};
@@ -40,6 +41,9 @@ pub struct RunArguments {
     /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
     #[arg(long)]
     pub insecure: bool,
+    /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
+    #[arg(long, value_name = "FAULTS")]
+    pub chaos: Option<Schedule>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -86,6 +90,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         listen: arguments.listen,
         keys: arguments.keys.clone(),
         insecure: arguments.insecure,
+        chaos: arguments.chaos.clone(),
         quiet: arguments.quiet,
     })
     .map_err(|error| {

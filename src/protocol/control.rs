@@ -200,6 +200,8 @@ pub enum NodeCommand {
     Configure(Box<NodeConfiguration>),
     /// There is a new display: what the last one did not acknowledge goes there again.
     Display(SocketAddr),
+    /// From now on, one bit of every tile is to be wrong.
+    Corrupt,
     Finish,
 }
 

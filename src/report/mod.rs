@@ -55,6 +55,9 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub conservation: Option<Conservation>,
     pub incidents: Vec<Incident>,
+    /// `None` where no fault was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub chaos: Option<Chaos>,
     pub seconds: Seconds,
 }
 
@@ -267,6 +270,16 @@ pub struct Incident {
     pub text: String,
 }
 
+/// What faults on purpose came to; each of them is an incident as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chaos {
+    /// The faults, nothing left to chance.
+    pub schedule: String,
+    pub carried_out: u64,
+    /// The longest time without another tile done, from the first fault to the last tile.
+    pub longest_wait_seconds: f64,
+}
+
 /// Wall clock, but `render_cpu`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
@@ -361,6 +374,7 @@ pub(crate) mod sample {
             }),
             conservation: Some(Conservation::new(vec![conservation::Check::new("a = b", 1, 1)])),
             incidents: vec![Incident { seconds: 1.25, text: "node 1 died: signal 9".to_owned() }],
+            chaos: Some(Chaos { schedule: "kill node 1@10%".to_owned(), carried_out: 1, longest_wait_seconds: 0.75 }),
             seconds: Seconds { load: 0.5, octree: 0.25, render: 2.0, render_cpu: 3.5, total: 3.0 },
         }
     }
@@ -389,10 +403,11 @@ mod tests {
             memory: None,
             bus: None,
             conservation: None,
+            chaos: None,
             ..sample::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
-        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation"] {
+        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation", "chaos"] {
             assert!(json.get(key).is_none(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Report>(json).expect("reads back"), render);

@@ -5,11 +5,11 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{mpsc, watch};
 
 use super::control_port::Connections;
 use super::executables::Executables;
-use super::life::{self, Fate, Link};
+use super::life::{self, Fate, Link, Order};
 use super::places::Places;
 use super::plan::host_of;
 use super::process::ProcessId;
@@ -22,6 +22,8 @@ use crate::topology::{Launch, Placement};
 
 /// Signs of life within a heartbeat's deadline.
 pub(super) const HEARTBEATS: u32 = 4;
+/// Orders that a process was not given yet.
+const ORDERS_MAX: usize = 8;
 /// On top of what a process that cannot be seen any more has left to live by its own clock.
 const CONFIRM_MARGIN: Duration = Duration::from_secs(1);
 
@@ -33,8 +35,7 @@ pub(super) struct Children {
     pub(super) token: RunToken,
     /// Of the roles that are started from here; empty: plain TCP.
     pub(super) identities: Vec<Identity>,
-    /// Where processes of this machine reach the manager, and where others do.
-    pub(super) manager: SocketAddr,
+    /// Where processes of other machines reach the manager.
     pub(super) advertised: SocketAddr,
     /// Between two signs of life.
     pub(super) heartbeat: Duration,
@@ -46,12 +47,13 @@ pub(super) struct Children {
 
 pub(super) struct Life {
     /// Dropping it kills, too.
-    kill: Option<oneshot::Sender<String>>,
+    orders: Option<mpsc::Sender<Order>>,
     link: watch::Sender<Link>,
 }
 
 impl Children {
-    pub(super) fn spawn(&mut self, id: ProcessId) {
+    /// `manager` is where it finds us, if this host is its own.
+    pub(super) fn spawn(&mut self, id: ProcessId, manager: SocketAddr) {
         let host = host_of(&self.placement, id.role);
         let log = self.logs.join(format!("{}.log", id.log_stem()));
         let is_local = host.launch == Launch::Local;
@@ -59,7 +61,7 @@ impl Children {
             role: id.role,
             epoch: id.epoch,
             token: self.token,
-            manager: if is_local { self.manager } else { self.advertised },
+            manager: if is_local { manager } else { self.advertised },
             identity: self.identities.iter().find(|identity| identity.kind == id.role.kind()).cloned(),
             bind: host.bind,
             advertise: host.advertise.clone(),
@@ -92,7 +94,7 @@ impl Children {
     }
 
     fn fate(&self, id: ProcessId) -> (Fate, Life) {
-        let (kill, killed) = oneshot::channel();
+        let (given, orders) = mpsc::channel(ORDERS_MAX);
         let (told, link) = watch::channel(Link::Awaited);
         let (connections, places) = (self.connections.clone(), self.places.clone());
         let hang_up = Box::new(move || {
@@ -100,7 +102,7 @@ impl Children {
             places.withdraw(id);
         });
         let patience = patience(self.heartbeat) + ORPHAN_GRACE + CONFIRM_MARGIN;
-        (Fate { killed, link, hang_up, patience }, Life { kill: Some(kill), link: told })
+        (Fate { orders, link, hang_up, patience }, Life { orders: Some(given), link: told })
     }
 
     /// The process has dialled.
@@ -123,16 +125,36 @@ impl Children {
     /// By SIGKILL or, on another machine, by cutting it off; its death is told as any other.
     pub(super) fn kill(&mut self, id: ProcessId) {
         if let Some(life) = self.alive.get_mut(&id) {
-            life.kill = None;
+            life.orders = None;
         }
     }
 
     /// [`Self::kill`] for a reason that the state does not know of, as the rest of a sentence that begins with its name.
     pub(super) fn kill_because(&mut self, id: ProcessId, why: String) {
-        if let Some(kill) = self.alive.get_mut(&id).and_then(|life| life.kill.take()) {
-            // An error means that it has just ended.
-            let _ = kill.send(why);
+        if let Some(orders) = self.alive.get_mut(&id).and_then(|life| life.orders.take()) {
+            // An error means that it has just ended, or dies without the reason.
+            let _ = orders.try_send(Order::Die(why));
         }
+    }
+
+    /// Whether it was started and not killed; it may have ended by itself.
+    pub(super) fn is_alive(&self, id: ProcessId) -> bool {
+        self.alive.get(&id).is_some_and(|life| life.orders.is_some())
+    }
+
+    /// Whether the manager started it itself: signals reach it, and relays are within its reach.
+    pub(super) fn is_local(&self, id: ProcessId) -> bool {
+        host_of(&self.placement, id.role).launch == Launch::Local
+    }
+
+    /// By SIGSTOP; it goes on after so long.
+    ///
+    /// # Errors
+    /// Why not: the process is not one of this host's, or has ended.
+    pub(super) fn stop(&self, id: ProcessId, time: Duration) -> Result<(), String> {
+        let orders = self.alive.get(&id).and_then(|life| life.orders.as_ref());
+        let orders = orders.filter(|_| self.is_local(id)).ok_or("it is no process of this host")?;
+        orders.try_send(Order::Stop(time)).map_err(|_| "it has ended, or stops already".to_owned())
     }
 
     /// Its death is told.

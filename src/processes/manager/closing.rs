@@ -111,6 +111,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         bus: bus(state),
         conservation: conservation(state, &counted, line_bytes).map(|books| books.and(recorded)),
         incidents: ledger.incidents(),
+        chaos: None,
         seconds: Seconds {
             load: facts.load.as_secs_f64(),
             octree: facts.build.as_secs_f64(),

@@ -7,11 +7,12 @@ use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
-use nix::sys::signal::Signal;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use tokio::io::AsyncWriteExt;
 use tokio::process::{Child, Command};
-use tokio::sync::{oneshot, watch};
-use tokio::time::timeout;
+use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, sleep_until, timeout};
 
 use crate::codec;
 use crate::protocol::control::Bootstrap;
@@ -27,10 +28,19 @@ pub(super) enum Link {
     Closed,
 }
 
+/// What is done to a process.
+#[derive(Debug)]
+pub(super) enum Order {
+    /// By SIGSTOP, on this machine alone; it goes on after so long.
+    Stop(Duration),
+    /// For a reason that the manager's state does not know of.
+    Die(String),
+}
+
 /// What a life ends by, and how long its end may take.
 pub(super) struct Fate {
-    /// The reason comes with it, unless the manager's state has one.
-    pub(super) killed: oneshot::Receiver<String>,
+    /// Its end kills.
+    pub(super) orders: mpsc::Receiver<Order>,
     pub(super) link: watch::Receiver<Link>,
     /// Ends the control connection, or the permission to open one.
     pub(super) hang_up: Box<dyn Fn() + Send>,
@@ -77,19 +87,37 @@ pub(super) async fn start(command: &[String], bootstrap: &Bootstrap, log: &Path)
 
 /// Until a child has ended; how, as the rest of a sentence that begins with the process's name.
 pub(super) async fn watch(mut child: Child, fate: &mut Fate, log: &Path) -> String {
-    let status = tokio::select! {
-        status = child.wait() => return status.map_or_else(|error| error.to_string(), |status| describe(status, log)),
-        reason = &mut fate.killed => {
-            // An error means that it has just ended.
-            let _ = child.start_kill();
-            let status = child.wait().await;
-            if let Ok(reason) = reason {
-                return reason;
+    let told =
+        |status: io::Result<ExitStatus>| status.map_or_else(|error| error.to_string(), |status| describe(status, log));
+    let mut goes_on = None;
+    let reason = loop {
+        tokio::select! {
+            status = child.wait() => return told(status),
+            order = fate.orders.recv() => match order {
+                Some(Order::Stop(time)) => {
+                    signal(&child, Signal::SIGSTOP);
+                    goes_on = goes_on.max(Some(Instant::now() + time));
+                }
+                Some(Order::Die(reason)) => break Some(reason),
+                None => break None,
+            },
+            () = sleep_until(goes_on.unwrap_or_else(Instant::now)), if goes_on.is_some() => {
+                signal(&child, Signal::SIGCONT);
+                goes_on = None;
             }
-            status
         }
     };
-    status.map_or_else(|error| error.to_string(), |status| describe(status, log))
+    // An error means that it has just ended.
+    let _ = child.start_kill();
+    let status = child.wait().await;
+    reason.unwrap_or_else(|| told(status))
+}
+
+/// Its number is still its own: nobody has waited for it. An error means that it has just ended.
+fn signal(child: &Child, signal: Signal) {
+    if let Some(pid) = child.id().and_then(|pid| i32::try_from(pid).ok()) {
+        let _ = kill(Pid::from_raw(pid), signal);
+    }
 }
 
 /// [`watch`] of a launcher, and of the process that it started elsewhere: that one ends by itself when its control
@@ -102,15 +130,18 @@ pub(super) async fn watch_elsewhere(child: Child, mut fate: Fate, log: &Path) ->
 
 /// Until a process that came by itself, or was awaited to, is gone.
 pub(super) async fn watch_joined(mut fate: Fate) -> String {
-    let killed = tokio::select! {
-        _ = fate.link.wait_for(|&link| link == Link::Closed) => None,
-        reason = &mut fate.killed => Some(reason),
+    let why = loop {
+        tokio::select! {
+            _ = fate.link.wait_for(|&link| link == Link::Closed) => break "closed its control connection".to_owned(),
+            order = fate.orders.recv() => match order {
+                Some(Order::Stop(_)) => {}
+                Some(Order::Die(reason)) => break reason,
+                None => break "was cut off".to_owned(),
+            },
+        }
     };
     fate.confirm().await;
-    match killed {
-        Some(reason) => reason.unwrap_or_else(|_| "was cut off".to_owned()),
-        None => "closed its control connection".to_owned(),
-    }
+    why
 }
 
 fn describe(status: ExitStatus, log: &Path) -> String {
@@ -134,13 +165,13 @@ mod tests {
 
     use super::*;
 
-    fn fate(now: Link) -> (Fate, oneshot::Sender<String>, watch::Sender<Link>, Arc<AtomicBool>) {
-        let (kill, killed) = oneshot::channel();
+    fn fate(now: Link) -> (Fate, mpsc::Sender<Order>, watch::Sender<Link>, Arc<AtomicBool>) {
+        let (kill, orders) = mpsc::channel(1);
         let (told, link) = watch::channel(now);
         let hung_up = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&hung_up);
         let hang_up = Box::new(move || flag.store(true, Ordering::Relaxed));
-        (Fate { killed, link, hang_up, patience: Duration::from_millis(200) }, kill, told, hung_up)
+        (Fate { orders, link, hang_up, patience: Duration::from_millis(200) }, kill, told, hung_up)
     }
 
     #[tokio::test]
@@ -152,7 +183,7 @@ mod tests {
 
         let (one, kill, _told, hung_up) = fate(Link::Open);
         let begin = Instant::now();
-        kill.send("was a nuisance".to_owned()).expect("awaited");
+        kill.try_send(Order::Die("was a nuisance".to_owned())).expect("awaited");
         assert_eq!(watch_joined(one).await, "was a nuisance");
         assert!(begin.elapsed() >= Duration::from_millis(200) && hung_up.load(Ordering::Relaxed));
 

@@ -8,6 +8,7 @@ mod closing;
 mod cluster;
 mod control_port;
 mod display_place;
+mod disturbance;
 mod ending;
 mod executables;
 mod job_queue;
@@ -44,6 +45,7 @@ pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
 use super::token;
+use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
@@ -75,6 +77,8 @@ pub struct RunRequest {
     pub keys: Option<PathBuf>,
     /// Whether addresses at which other machines can knock are used without TLS.
     pub insecure: bool,
+    /// Faults on purpose.
+    pub chaos: Option<chaos::Schedule>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -132,6 +136,8 @@ pub enum RunError {
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
+    #[error("--chaos: {0}")]
+    Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
     /// What is to be resumed cannot be.
@@ -160,7 +166,8 @@ impl RunError {
             | Self::NoKeys { .. }
             | Self::Keys(_)
             | Self::TooManyTiles { .. }
-            | Self::LocalMemory(_) => true,
+            | Self::LocalMemory(_)
+            | Self::Chaos(_) => true,
             Self::Journal(error) => matches!(error, JournalError::Header { .. }),
             _ => false,
         }
@@ -198,6 +205,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         }
     };
     let Keys { tls, identities } = request.keys.as_deref().map(Keys::read).transpose()?.unwrap_or_default();
+    let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
@@ -253,6 +261,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         listen,
         words: Arc::clone(&database.words),
         quiet: request.quiet,
+        faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
@@ -260,12 +269,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
-    let state = runtime.block_on(run.finish(plan));
+    let finished = runtime.block_on(run.finish(plan));
     if let Some(path) = joiners_token {
         // Nobody can use it any more.
         let _ = std::fs::remove_file(path);
     }
-    let state = state?;
+    let (state, chaos) = finished?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -273,7 +282,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
         None => Vec::new(),
     };
-    let report = closing::report(&state, facts, checks, start.elapsed());
+    let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,
@@ -282,6 +291,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
     Ok(RunOutcome { end, report })
+}
+
+fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
+    let cluster = &request.topology.cluster;
+    let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
+    request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
 }
 
 fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {

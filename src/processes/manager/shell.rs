@@ -13,18 +13,21 @@ use tokio::time::{MissedTickBehavior, interval};
 
 use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
+use super::disturbance::Disturbance;
 use super::executables::Executables;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
+use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
 use crate::keys::Identity;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::Role;
+use crate::report::Chaos;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -47,6 +50,7 @@ pub(super) struct Run {
     pub(super) listen: SocketAddr,
     /// No progress.
     pub(super) quiet: bool,
+    pub(super) faults: Vec<Fault>,
 }
 
 fn status(state: &State) -> Status {
@@ -65,6 +69,7 @@ struct Shell {
     start: Instant,
     port: ControlPort,
     children: Children,
+    disturbance: Disturbance,
     events: mpsc::Sender<Event>,
     /// Of the database, for every bus that starts.
     words: Arc<Vec<u32>>,
@@ -73,11 +78,11 @@ struct Shell {
 }
 
 impl Run {
-    /// Runs until the state is over; gives it back.
+    /// Runs until the state is over; gives it back, and what the faults came to if there were to be any.
     ///
     /// # Errors
     /// The system has no port or no signals.
-    pub(super) async fn finish(self, plan: Plan) -> Result<State, RunError> {
+    pub(super) async fn finish(self, plan: Plan) -> Result<(State, Option<Chaos>), RunError> {
         let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
@@ -116,12 +121,18 @@ impl Run {
                 tracing::info!("{event:?}");
             }
             shell.note(&event);
+            shell.disturbance.observe(&event);
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
+            shell.disturb(&mut state);
         }
         shell.port.places().close().await;
         progress.finish(&status(&state));
-        Ok(state)
+        let chaos = shell.disturbance.close().map(|(chaos, missed)| {
+            missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
+            chaos
+        });
+        Ok((state, chaos))
     }
 }
 
@@ -145,7 +156,6 @@ impl Shell {
             token: run.credentials.token,
             identities: run.identities.clone(),
             placement: plan.placement.clone(),
-            manager: reach::from_here(port.address()),
             advertised,
             heartbeat,
             places: port.places(),
@@ -155,6 +165,7 @@ impl Shell {
         };
         Self {
             start: run.start,
+            disturbance: Disturbance::new(run.faults.clone(), reach::from_here(port.address()).ip()),
             port,
             children,
             events,
@@ -170,9 +181,13 @@ impl Shell {
                 Action::Spawn(id) => {
                     tracing::info!("{id} is started");
                     self.port.expect(id);
-                    self.children.spawn(id);
+                    let manager = self.disturbance.route(id.role, Role::Manager, reach::from_here(self.port.address()));
+                    self.children.spawn(id, manager);
                 }
-                Action::Tell(id, command) => {
+                Action::Tell(id, mut command) => {
+                    if self.children.is_local(id) {
+                        self.disturbance.reroute(id, &mut command);
+                    }
                     let origin = self.port.origin(id);
                     if let Some(why) = origin.and_then(|origin| reach::unreachable(origin, &command)) {
                         self.children.kill_because(id, why);
@@ -183,7 +198,10 @@ impl Shell {
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
-                Action::Upload(bus, address) => self.upload(bus, address),
+                Action::Upload(bus, address) => {
+                    let address = self.disturbance.route(Role::Manager, bus.role, address);
+                    self.upload(bus, address);
+                }
             }
         }
     }
@@ -195,6 +213,15 @@ impl Shell {
             Event::Disconnected(id, _) => self.children.disconnected(*id),
             Event::Exited(id, _) => self.children.bury(*id),
             _ => {}
+        }
+    }
+
+    /// The faults that are due.
+    fn disturb(&mut self, state: &mut State) {
+        let Status { tiles_done, tiles, elapsed, .. } = status(state);
+        let progress = chaos::Progress { tiles_done, tiles, elapsed };
+        for text in self.disturbance.carry_out(state.now, progress, &mut self.children, &self.port) {
+            state.ledger.incident(state.now, format!("chaos: {text}"));
         }
     }
 

@@ -2,12 +2,14 @@
 //! the display, and tells the master when they have arrived.
 
 pub mod bus_lines;
+mod corruption;
 pub mod display_link;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
 pub mod whole_database;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::signal::unix::{SignalKind, signal};
@@ -16,6 +18,7 @@ use tokio::time::{Instant, sleep_until};
 
 pub use bus_lines::BusLines;
 
+use self::corruption::Corruption;
 use self::display_link::DisplayLink;
 use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
@@ -101,6 +104,8 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
                 Some(NodeCommand::Configure(configuration)) => break *configuration,
                 // The configuration will say which display there is.
                 Some(NodeCommand::Heartbeat | NodeCommand::Display(_)) => {}
+                // Only a node that works can err.
+                Some(NodeCommand::Corrupt) => {}
                 Some(NodeCommand::Finish) => return Ok(End::Finished),
                 None => return Err(NodeError::Orphaned),
             },
@@ -115,6 +120,10 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
                 Some(NodeCommand::Finish) => return Ok(End::Finished),
                 Some(NodeCommand::Heartbeat) => continue,
                 Some(NodeCommand::Display(address)) => Event::NewDisplay(address),
+                Some(NodeCommand::Corrupt) => {
+                    shell.corruption = Some(Corruption::of(child.bootstrap.role));
+                    continue;
+                }
                 Some(NodeCommand::Configure(_)) => {
                     tracing::warn!("configured twice: the second is not heeded");
                     continue;
@@ -155,6 +164,8 @@ struct Shell {
     reports: mpsc::Sender<NodeReport>,
     /// When what the display owes is overdue.
     late: Instant,
+    /// `Some`: it was told to err.
+    corruption: Option<Corruption>,
 }
 
 impl Shell {
@@ -171,7 +182,7 @@ impl Shell {
         let display = DisplayLink::dial(configuration.display, introduction.clone());
         let tracer = Tracer::start(configuration, introduction)?;
         let late = Instant::now() + ACKNOWLEDGE_DEADLINE;
-        Ok(Self { cluster, state, tracer, to_master, from_master, display, reports, late })
+        Ok(Self { cluster, state, tracer, to_master, from_master, display, reports, late, corruption: None })
     }
 
     /// The next thing that happens. May be cancelled without losing one.
@@ -180,7 +191,12 @@ impl Shell {
         tokio::select! {
             said = self.tracer.said.recv() => match said {
                 Some(FromTracer::Ready(packets)) => Ok(Event::TracerReady(packets)),
-                Some(FromTracer::Traced(traced)) => Ok(Event::Traced(traced)),
+                Some(FromTracer::Traced(mut traced)) => {
+                    if let Some(corruption) = self.corruption {
+                        corruption.flip_a_bit(Arc::make_mut(&mut traced.pixels), traced.done.tile);
+                    }
+                    Ok(Event::Traced(traced))
+                }
                 Some(FromTracer::Failed(why)) => Err(NodeError::Tracer(why)),
                 None => Err(NodeError::Tracer("its thread ended".to_owned())),
             },
