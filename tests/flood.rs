@@ -15,6 +15,8 @@ use marti::protocol::hello::{Role, RunToken};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::sync::oneshot;
+use tokio::task::JoinSet;
+use tokio::time::sleep;
 
 const TOKEN: RunToken = RunToken::new([7; 32]);
 const STRANGERS: usize = 10_000;
@@ -23,6 +25,10 @@ const DESCRIPTORS: u64 = 1000;
 /// What a process may grow by: the strangers that there may be, and what the flood itself takes here.
 const GROWTH_KIB_MAX: u64 = 48 << 10;
 const DEADLINE: Duration = Duration::from_secs(5);
+/// Between two dials of those who belong here.
+const PAUSE: Duration = Duration::from_millis(10);
+/// Connections of the flood that are made at a time.
+const CROWD: usize = 100;
 /// A crowd at another address may keep nobody waiting.
 const SOON: Duration = Duration::from_secs(1);
 
@@ -55,7 +61,7 @@ async fn flood(what: &str, from: Ipv4Addr, listens: Option<Tls>, dials: Option<T
     let (address, listening) = listen(Credentials { tls: listens, ..Credentials::plain(TOKEN) }, Arc::clone(&refusals));
     let before = memory_kib();
     let begin = Instant::now();
-    let flooding = tokio::spawn(strangers(from, address));
+    let flooding = thread::spawn(move || strangers(from, address));
     let introduction =
         Introduction { tls: dials, ..Credentials::plain(TOKEN).introduction(Role::Node(NodeId(1)), Epoch(0)) };
     let (mut welcome, mut failed, mut longest) = (0, 0, Duration::ZERO);
@@ -66,9 +72,10 @@ async fn flood(what: &str, from: Ipv4Addr, listens: Option<Tls>, dials: Option<T
             Err(_) => failed += 1,
         }
         longest = longest.max(dialled.elapsed());
+        sleep(PAUSE).await;
         assert!(begin.elapsed() < Duration::from_secs(120), "{what}: the flood does not end");
     }
-    let held = flooding.await.expect("no panic");
+    let held = flooding.join().expect("no panic");
     let grown = memory_kib().saturating_sub(before);
     println!(
         "{what:5} {} silent connections from {from} in {:4.1} s: {grown} KiB more, {} refusals told; peers from \
@@ -107,17 +114,26 @@ fn listen(credentials: Credentials, refusals: Arc<AtomicU64>) -> (SocketAddr, on
     (address.recv_timeout(DEADLINE).expect("bound"), until)
 }
 
-/// All are kept until they are dropped, whatever the listener does with them.
-async fn strangers(from: Ipv4Addr, to: SocketAddr) -> Vec<TcpStream> {
-    let mut held = Vec::with_capacity(STRANGERS);
-    while held.len() < STRANGERS {
-        let socket = TcpSocket::new_v4().expect("a descriptor");
-        socket.bind((from, 0).into()).expect("a port");
-        if let Ok(stream) = socket.connect(to).await {
-            held.push(stream);
+/// As fast as the system connects them. All are kept until they are dropped, whatever the listener does with them.
+fn strangers(from: Ipv4Addr, to: SocketAddr) -> Vec<TcpStream> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("an event queue");
+    runtime.block_on(async {
+        let mut crowd = JoinSet::new();
+        for _ in 0..CROWD {
+            crowd.spawn(async move {
+                let mut held = Vec::with_capacity(STRANGERS / CROWD);
+                while held.len() < STRANGERS / CROWD {
+                    let socket = TcpSocket::new_v4().expect("a descriptor");
+                    socket.bind((from, 0).into()).expect("a port");
+                    if let Ok(stream) = socket.connect(to).await {
+                        held.push(stream);
+                    }
+                }
+                held
+            });
         }
-    }
-    held
+        crowd.join_all().await.into_iter().flatten().collect()
+    })
 }
 
 /// Of this process, now.

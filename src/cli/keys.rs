@@ -75,7 +75,7 @@ pub(super) fn keys(arguments: &KeysArguments) -> Result<(), Failure> {
 fn show(folder: &Path) -> Result<(), Failure> {
     let shown = KeyFolder::at(folder).show().map_err(failure)?;
     let mut text = format!("authority  sha256 {}\n", shown.authority);
-    let mut unusable = 0;
+    let (mut unusable, all) = (0, shown.roles.len());
     for (kind, day) in shown.roles {
         // Writing to a string cannot fail.
         let _ = match day {
@@ -88,7 +88,7 @@ fn show(folder: &Path) -> Result<(), Failure> {
     }
     print(&text)?;
     if unusable > 0 {
-        return Err(Failure::bad_input(format!("{unusable} certificates are unusable")));
+        return Err(Failure::bad_input(format!("{unusable} of {all} certificates cannot be used")));
     }
     Ok(())
 }

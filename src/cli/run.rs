@@ -44,6 +44,9 @@ pub struct RunArguments {
     /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
     #[arg(long, value_name = "FAULTS")]
     pub chaos: Option<Schedule>,
+    /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub health: Option<SocketAddr>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -91,6 +94,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         keys: arguments.keys.clone(),
         insecure: arguments.insecure,
         chaos: arguments.chaos.clone(),
+        health: arguments.health,
         quiet: arguments.quiet,
     })
     .map_err(|error| {

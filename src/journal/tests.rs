@@ -82,7 +82,7 @@ fn written(path: &Path, records: &[Owned]) -> Vec<u8> {
 }
 
 fn refusal(path: &Path) -> String {
-    let error = resumed(path).err().expect("refused").to_string();
+    let error = resumed(path).expect_err("refused").to_string();
     assert!(error.starts_with(&path.display().to_string()), "{error}");
     error
 }
@@ -163,7 +163,8 @@ fn what_follows_damage_is_dropped_and_said() {
     let bytes = written(&path, &all);
     let second = HEADER_BYTES + record_bytes(&all[0]);
     // A byte in the middle, a length of 4 GiB, and a file that ends in the second record.
-    let damages: [(&dyn Fn(&mut Vec<u8>), &str); 3] = [
+    type Damage<'a> = &'a dyn Fn(&mut Vec<u8>);
+    let damages: [(Damage, &str); 3] = [
         (&|bytes| bytes[second + 50] ^= 1, "a record's checksum is wrong"),
         (&|bytes| bytes[second + 20..second + 24].fill(0xff), "what follows is no record"),
         (&|bytes| bytes.truncate(second + 40), "the last record is cut short"),

@@ -259,7 +259,7 @@ fn references_need_the_output_folder() {
 #[test]
 fn a_manager_that_is_killed_leaves_no_launched_process() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let hosts = "[[host]]\nname = 'here'\nnodes = 0\n[[host]]\nname = 'there'\nbind = '127.0.0.2'\nlaunch = ['setsid', '{program}']\n";
+    let hosts = "[[host]]\nname = 'here'\nnodes = 0\n[[host]]\nname = 'there'\nbind = '127.0.0.2'\nlaunch = ['env', '{program}']\n";
     let path = topology(folder.path(), hosts);
     let out = folder.path().join("out");
     let run = manager(&path, &out, free_port(), &[&SLOW[..], &["cluster.nodes=2"]].concat());

@@ -69,9 +69,12 @@ fn compared(actions: &[Action]) -> Comparison {
     }
 }
 
+/// A record that owns its planes; `None`: revoked.
+type Owned = (TileId, Attempt, Option<(Source, Vec<u8>)>);
+
 /// Keeps a journal of what is appended, in memory.
 #[derive(Default)]
-struct Journal(Vec<(TileId, Attempt, Option<(Source, Vec<u8>)>)>);
+struct Journal(Vec<Owned>);
 
 impl Journal {
     fn append(&mut self, actions: &[Action]) {

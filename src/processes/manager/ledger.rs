@@ -27,6 +27,8 @@ pub(super) struct Ledger {
     /// When the first tile was handed out, and when the last one was done.
     pub(super) first_tile: Option<Duration>,
     pub(super) last_tile: Option<Duration>,
+    /// Of all accounts.
+    rays: u64,
     incidents: Vec<Incident>,
     incidents_dropped: u64,
 }
@@ -77,6 +79,7 @@ impl Ledger {
     /// Books a tile that became part of the image.
     pub(super) fn accept(&mut self, now: Duration, by: (NodeId, Epoch), done: &TileDone) {
         self.last_tile = Some(now);
+        self.rays += done.trace.all_rays();
         self.accounts.entry(by).or_default().add(&Account::of(done));
     }
 
@@ -91,7 +94,17 @@ impl Ledger {
 
     /// Takes out of the books what a process counted: all of it is done again.
     pub(super) fn forget(&mut self, process: (NodeId, Epoch)) {
-        self.accounts.remove(&process);
+        let forgotten = self.accounts.remove(&process);
+        self.rays -= forgotten.map_or(0, |account| account.trace.all_rays());
+    }
+
+    /// Rays of all kinds in accepted tiles.
+    pub(super) fn rays(&self) -> u64 {
+        self.rays
+    }
+
+    pub(super) fn incident_count(&self) -> u64 {
+        self.incidents.len() as u64 + self.incidents_dropped
     }
 
     /// What each of so many nodes counted, by its processes together.

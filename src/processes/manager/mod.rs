@@ -14,6 +14,7 @@ mod executables;
 mod job_queue;
 mod ledger;
 mod life;
+mod metrics;
 mod output_folder;
 mod places;
 mod plan;
@@ -44,6 +45,7 @@ use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
+use super::health::HealthError;
 use super::token;
 use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
@@ -79,6 +81,8 @@ pub struct RunRequest {
     pub insecure: bool,
     /// Faults on purpose.
     pub chaos: Option<chaos::Schedule>,
+    /// Where to tell health and metrics; of this host alone.
+    pub health: Option<SocketAddr>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -140,6 +144,8 @@ pub enum RunError {
     Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    #[error(transparent)]
+    Health(#[from] HealthError),
     /// What is to be resumed cannot be.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -169,6 +175,7 @@ impl RunError {
             | Self::LocalMemory(_)
             | Self::Chaos(_) => true,
             Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            Self::Health(error) => matches!(error, HealthError::NotLoopback(_)),
             _ => false,
         }
     }
@@ -260,6 +267,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         warning,
         listen,
         words: Arc::clone(&database.words),
+        health: request.health,
         quiet: request.quiet,
         faults,
     };
@@ -335,7 +343,7 @@ impl Keys {
 
 /// What other machines could knock at, if anything.
 fn open_address(listen: SocketAddr, placement: &Placement) -> Option<String> {
-    let first = (!listen.ip().is_loopback()).then(|| listen.to_string());
+    let first = (!listen.ip().is_loopback()).then(|| listen.ip().to_string());
     first.or_else(|| placement.open_address())
 }
 

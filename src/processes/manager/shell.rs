@@ -15,6 +15,7 @@ use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::executables::Executables;
+use super::metrics;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::reach;
@@ -23,6 +24,7 @@ use super::{Interrupt, RunError};
 use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
 use crate::keys::Identity;
+use crate::processes::health;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
@@ -50,6 +52,7 @@ pub(super) struct Run {
     pub(super) listen: SocketAddr,
     /// No progress.
     pub(super) quiet: bool,
+    pub(super) health: Option<SocketAddr>,
     pub(super) faults: Vec<Fault>,
 }
 
@@ -59,7 +62,7 @@ fn status(state: &State) -> Status {
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.total().trace.all_rays(),
+        rays: state.ledger.rays(),
         elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
@@ -96,6 +99,10 @@ impl Run {
         if plan.placement.has_joiners() {
             reach::say(advertised, self.quiet);
         }
+        let health = match self.health {
+            Some(address) => Some(health::serve(address).await?),
+            None => None,
+        };
         let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
         let (mut state, actions) = State::start(plan);
         if let Some(warning) = &self.warning {
@@ -114,6 +121,9 @@ impl Run {
                 event = shell.port.arrival() => event,
                 _ = tick.tick() => {
                     progress.show(&status(&state));
+                    if let Some(health) = &health {
+                        health.send_replace(metrics::health(&state));
+                    }
                     Event::Tick
                 }
             };

@@ -316,8 +316,11 @@ async fn a_display_that_dies_is_replaced_and_lacks_nothing() {
         commands.send(NodeCommand::Finish).await.expect("running");
         ended(node).await.expect("told to finish");
         for (tile, again) in tiles.iter_mut().zip(successor.await.expect("no panic")) {
-            assert!(tile.is_empty() || again.is_empty(), "what was acknowledged is not sent again");
-            tile.extend_from_slice(&again);
+            // An acknowledgement may have died on its way: then the tile came twice, and is the same.
+            assert!(tile.is_empty() || again.is_empty() || *tile == again);
+            if tile.is_empty() {
+                *tile = again;
+            }
         }
         assert!(tiles == expected, "{tiles_max}");
     }

@@ -1,6 +1,8 @@
 //! What went wrong with TLS, in the words of this program.
 
-use rustls::AlertDescription::{self, CertificateExpired, CertificateRequired, DecryptError, UnknownCA};
+use rustls::AlertDescription::{
+    self, BadCertificate, CertificateExpired, CertificateRequired, DecryptError, UnknownCA,
+};
 use rustls::{CertificateError, Error};
 
 use crate::keys::{RoleKind, day_of};
@@ -48,6 +50,7 @@ fn told(alert: AlertDescription) -> String {
         UnknownCA | DecryptError => {
             format!("it does not know the authority of this process's certificate, {OTHER_AUTHORITY}")
         }
+        BadCertificate => "the certificate of this process is not that of the role that was dialled".to_owned(),
         CertificateExpired => {
             "the certificate of this process has expired, make new ones with `marti keys rotate DIR`".to_owned()
         }
