@@ -52,6 +52,8 @@ impl Bus {
 
     fn obey(&mut self, network: &mut Network, command: BusCommand) {
         match command {
+            // What a child does in silence is its control link's business.
+            BusCommand::Heartbeat => {}
             BusCommand::Configure(_) => {
                 let address = Network::address(self.child.me);
                 self.child.report(network, Report::Bus(BusReport::Listening(address)));
