@@ -1,5 +1,6 @@
 //! A 64-byte line fetched by a node over a real bus, against a raw ping-pong of as many bytes over the
-//! loopback interface, in turns. `cargo bench --bench fetch`; the ratio is to stay below 1.5.
+//! loopback interface, in turns; then the same fetch over mutual TLS. `cargo bench --bench fetch`; the ratio of the
+//! plain one is to stay below 1.5.
 
 use std::error::Error;
 use std::io::{Read, Write};
@@ -10,14 +11,15 @@ use std::time::{Duration, Instant};
 use marti::codec;
 use marti::database::{Layout, Section};
 use marti::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
+use marti::keys::{Identity, KeyFolder, RoleKind, Validity};
 use marti::machine::local_memory::LineSource;
 use marti::machine::transaction::FetchRequest;
 use marti::processes::bus::memory_loop::{Command, MemoryLoop};
 use marti::processes::bus::state::State;
 use marti::processes::node::BusLines;
-use marti::protocol::connection::{BlockingConnection, Listener};
+use marti::protocol::connection::{BlockingConnection, Credentials, Introduction, Listener, Tls};
 use marti::protocol::control::BusConfiguration;
-use marti::protocol::hello::{Hello, Role, RunToken};
+use marti::protocol::hello::{Role, RunToken};
 use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::recording::{Metadata, Writer};
 use marti::topology::Arbiter;
@@ -34,32 +36,57 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (request_bytes, reply_bytes) = frame_bytes()?;
     println!("{ROUNDS} rounds of {TRIPS_PER_ROUND} trips, {request_bytes} bytes there, {reply_bytes} back; medians:");
     let processors = thread::available_parallelism()?.get();
-    compare("on one processor", 0, 0)?;
-    if processors > 1 {
-        compare("on two processors", 0, 1)?;
+    for keys in [Keys::none(), Keys::new()?] {
+        compare("on one processor", &keys, 0, 0)?;
+        if processors > 1 {
+            compare("on two processors", &keys, 0, 1)?;
+        }
     }
     Ok(())
 }
 
+/// What the processes know each other by.
+struct Keys {
+    bus: Option<Tls>,
+    node: Option<Tls>,
+    manager: Option<Tls>,
+}
+
+impl Keys {
+    fn none() -> Self {
+        Self { bus: None, node: None, manager: None }
+    }
+
+    fn new() -> Result<Self, Box<dyn Error>> {
+        let folder = tempfile::tempdir()?;
+        KeyFolder::at(folder.path()).create(Validity::days(1))?;
+        let tls = |kind| -> Result<_, Box<dyn Error>> { Ok(Some(Tls::new(&Identity::read(folder.path(), kind)?)?)) };
+        Ok(Self { bus: tls(RoleKind::Bus)?, node: tls(RoleKind::Node)?, manager: tls(RoleKind::Manager)? })
+    }
+}
+
 /// Where the scheduler puts the two ends decides more than anything else, and it need not choose alike for both:
 /// so they are pinned, both the same way.
-fn compare(placement: &str, client: usize, server: usize) -> Result<(), Box<dyn Error>> {
+fn compare(placement: &str, keys: &Keys, client: usize, server: usize) -> Result<(), Box<dyn Error>> {
     // Threads inherit where they may run: the servers stay here.
     pin(server)?;
     let folder = tempfile::tempdir()?;
     // One granule short of 1 MiB is as good as any: the bus does not cache.
     let layout = Layout::new([(1 << 18) - 64, 0, 0, 0, 0, 0, 0, 0])?;
-    let bus = start_bus(BusConfiguration {
-        cluster: ClusterId(0),
-        arbiter: Arbiter::Fifo,
-        layout: layout.clone(),
-        recording: folder.path().to_owned(),
-    })?;
+    let bus = start_bus(
+        BusConfiguration {
+            cluster: ClusterId(0),
+            arbiter: Arbiter::Fifo,
+            layout: layout.clone(),
+            recording: folder.path().to_owned(),
+        },
+        &keys.bus,
+    )?;
     let (request_bytes, reply_bytes) = frame_bytes()?;
     let pong = start_pong(request_bytes, reply_bytes)?;
     pin(client)?;
-    store(bus, layout.image_bytes())?;
-    let mut lines = BusLines::connect(bus, &hello(Role::Node(NodeId(0))))?;
+    store(bus, &keys.manager, layout.image_bytes())?;
+    let mut lines = BusLines::connect(ClusterId(0), bus, &introduction(Role::Node(NodeId(0)), &keys.node))?;
     let mut raw = TcpStream::connect(pong)?;
     raw.set_nodelay(true)?;
 
@@ -76,8 +103,9 @@ fn compare(placement: &str, client: usize, server: usize) -> Result<(), Box<dyn 
         })?);
     }
     let (fetch, ping) = (median(&mut fetches), median(&mut pings));
+    let wire = if keys.bus.is_some() { "TLS 1.3" } else { "plain" };
     println!(
-        "{placement:18} raw ping-pong {:6.2} us, fetch of a line {:6.2} us, ratio {:.2}",
+        "{wire:8} {placement:18} raw ping-pong {:6.2} us, fetch of a line {:6.2} us, ratio {:.2}",
         ping / 1e3,
         fetch / 1e3,
         fetch / ping
@@ -105,8 +133,8 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-fn hello(role: Role) -> Hello {
-    Hello::new(role, Epoch(0), TOKEN)
+fn introduction(role: Role, tls: &Option<Tls>) -> Introduction {
+    Credentials { token: TOKEN, tls: tls.clone(), joiners: false }.introduction(role, Epoch(0))
 }
 
 fn fetch(line: u64) -> FetchRequest {
@@ -124,7 +152,7 @@ fn frame_bytes() -> Result<(usize, usize), codec::CodecError> {
 }
 
 /// A bus without a manager, as `marti-bus` runs it: recording and all.
-fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Error>> {
+fn start_bus(configuration: BusConfiguration, tls: &Option<Tls>) -> Result<SocketAddr, Box<dyn Error>> {
     let BusConfiguration { cluster, arbiter, layout, recording } = &configuration;
     let metadata = Metadata { cluster: *cluster, epoch: Epoch(0), arbiter: *arbiter, layout: layout.clone() };
     let recording = Writer::create(recording, &metadata)?;
@@ -132,7 +160,9 @@ fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Erro
     let (memory_loop, handle) = MemoryLoop::new(State::new(&configuration, Epoch(0)), recording, incidents, DEADLINE)?;
     thread::spawn(|| memory_loop.run());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut listener = runtime.block_on(Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())))?;
+    let credentials = Credentials { token: TOKEN, tls: tls.clone(), joiners: false };
+    let bound = Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials, |_, _| Ok(()));
+    let mut listener = runtime.block_on(bound)?;
     let address = listener.address();
     thread::spawn(move || {
         runtime.block_on(async {
@@ -151,9 +181,9 @@ fn start_bus(configuration: BusConfiguration) -> Result<SocketAddr, Box<dyn Erro
     Ok(address)
 }
 
-fn store(bus: SocketAddr, bytes: u64) -> Result<(), Box<dyn Error>> {
+fn store(bus: SocketAddr, tls: &Option<Tls>, bytes: u64) -> Result<(), Box<dyn Error>> {
     let mut loader: BlockingConnection<MemoryRequest, MemoryReply> =
-        BlockingConnection::connect(Role::Bus, bus, &hello(Role::Manager), DEADLINE)?;
+        BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &introduction(Role::Manager, tls), DEADLINE)?;
     loader.send(&MemoryRequest::Store { address: Address(0) }, &vec![7; bytes as usize])?;
     match loader.receive()? {
         (MemoryReply::Stored, _) => Ok(()),

@@ -14,6 +14,7 @@ use crate::protocol::control::{
 };
 use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloPrelude, HelloReply};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::join::{JoinReply, JoinRequest};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -55,11 +56,14 @@ macro_rules! messages {
 }
 
 messages! {
-    Bootstrap: HELLO_BYTES_MAX, bulk 0;
+    // With keys and certificates; less than a pipe takes at once.
+    Bootstrap: 32 << 10, bulk 0;
     // What follows it is the rest of the hello.
     HelloPrelude: 12, bulk HELLO_BYTES_MAX - 12;
     Hello: HELLO_BYTES_MAX, bulk 0;
     HelloReply: HELLO_BYTES_MAX, bulk 0;
+    JoinRequest: 512, bulk 0;
+    JoinReply: HELLO_BYTES_MAX + 4, bulk 0;
     BusCommand: 1 << 20, bulk 0;
     BusReport: 64 << 10, bulk 0;
     MasterCommand: 1 << 20, bulk 0;
@@ -68,7 +72,8 @@ messages! {
     NodeCommand: 4 << 20, bulk 0;
     NodeReport: 64 << 10, bulk 0;
     DisplayCommand: 64 << 10, bulk 0;
-    DisplayReport: 64 << 10, bulk 0;
+    // A bit a tile.
+    DisplayReport: 4 << 20, bulk 0;
     MemoryRequest: 64, bulk BULK_BYTES_MAX as usize;
     MemoryReply: 4 << 10, bulk BULK_BYTES_MAX as usize;
     // Two words a counter, four counters a class and ray kind.
@@ -256,7 +261,7 @@ mod tests {
         round_trip(MemoryReply::Data { bytes: 3 }, &[1, 2, 3]);
         round_trip(TilePixels { tile: TileId(1), attempt: Attempt(0), crc32c: 7 }, &[5; 300]);
         round_trip(WorkRequest::Done(Box::new(tile_done())), &[]);
-        let lost = LostAttempt { node: NodeId(1), tile: TileId(2), attempt: Attempt(3) };
+        let lost = LostAttempt { tile: TileId(2), attempt: Attempt(3) };
         round_trip(BusCommand::Finish { lost: vec![lost; 1000] }, &[]);
     }
 

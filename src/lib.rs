@@ -7,11 +7,14 @@
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
 
 pub mod atomic_file;
+pub mod chaos;
 pub mod cli;
 pub mod codec;
 pub mod database;
 pub mod ids;
 pub mod image_file;
+pub mod journal;
+pub mod keys;
 pub mod machine;
 pub mod oracle;
 pub mod preparation;
@@ -23,6 +26,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod scene;
+pub mod secret_file;
 pub mod study;
 pub mod telemetry;
 pub mod tile_order;

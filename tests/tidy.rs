@@ -56,9 +56,34 @@ fn the_core_is_pure() {
 }
 
 #[test]
+fn a_journal_is_bytes_and_a_file() {
+    let outer = ["crate::processes", "crate::protocol", "crate::cli", "std::net", "SystemTime"];
+    forbid("src/journal", &outer, &[], "a journal does not know who appends to it");
+    forbid(
+        "src/journal",
+        &["std::fs", "Instant"],
+        &["src/journal/writer.rs", "src/journal/tests.rs"],
+        "a reader takes any bytes",
+    );
+}
+
+#[test]
+fn keys_are_files_alone() {
+    let outer = ["crate::processes", "crate::protocol", "crate::cli", "tokio", "std::net"];
+    forbid("src/keys", &outer, &[], "keys do not know who uses them");
+}
+
+#[test]
 fn replays_start_nothing() {
     let outer = ["crate::processes", "crate::cli", "crate::study", "tokio", "std::net", "SystemTime", "Instant"];
     forbid("src/replay", &outer, &[], "a replay reads a recording and counts");
+}
+
+#[test]
+fn faults_are_planned_here_and_carried_out_elsewhere() {
+    let impure = ["tokio", "std::net", "std::fs", "std::process", "SystemTime", "Instant", "getrandom", "nix"];
+    forbid("src/chaos", &impure, &[], "a schedule is told the time and what lives");
+    forbid("src/chaos", &["crate::processes", "crate::protocol", "crate::cli"], &[], "a schedule knows no process");
 }
 
 #[test]
@@ -84,6 +109,13 @@ fn each_foreign_thing_has_its_place() {
     forbid("src", &["bincode"], &["src/codec.rs", "src/codec"], "the wire codec is named in one file");
     forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
     forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
+    forbid(
+        "src",
+        &["rustls"],
+        &["src/protocol/connection", "src/keys"],
+        "only connections speak TLS, only keys are certified",
+    );
+    forbid("src", &["rcgen"], &["src/keys"], "certificates are made in one folder");
     forbid("src", &["toml::"], &["src/topology"], "only topologies are TOML");
     forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
     forbid("src", &["mul_add"], &[], "a fused multiply-add gives other bits on other hosts");

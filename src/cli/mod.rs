@@ -5,8 +5,10 @@ pub mod check;
 pub mod failure;
 mod grid_options;
 pub mod inspect;
+pub mod keys;
 mod lists;
 pub mod options;
+pub mod program;
 pub mod render;
 pub mod replay;
 pub mod run;
@@ -38,6 +40,7 @@ enum Command {
     Scene(scene::SceneArguments),
     Inspect(inspect::InspectArguments),
     Check(check::CheckArguments),
+    Keys(keys::KeysArguments),
     Replay(Box<replay::ReplayArguments>),
     Verify(verify::VerifyArguments),
     Study(study::StudyArguments),
@@ -54,6 +57,7 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Keys(arguments) => keys::keys(arguments),
             Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Study(arguments) => study::study(arguments),
@@ -105,10 +109,14 @@ mod tests {
             "marti scene gears --size 4 -o gears4.nff",
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
             "marti check t.toml --set scene.file=a.nff",
+            "marti keys new k --days 7",
+            "marti keys show k",
+            "marti keys rotate k --authority",
             "marti verify teapot:12 --rays 1000 --seed 7 --scale 1e-12 --translate -1e6 --json",
             "marti verify --watertight --rays 1000000000 --seed 2",
             "marti schema topology",
             "marti run t.toml --record references",
+            "marti run t.toml --chaos random(3)",
             "marti replay out/t",
             "marti replay out/t --local-memory 1/32..1/4,all --line 16..256 --ways 1..8,full --replacement lru,optimal \
              --nodes 1..64x2 --clusters 1,2 --tile-order morton --assignment on-demand --bus-width 1..64 \
@@ -149,6 +157,8 @@ mod tests {
             ("marti render a.nff --leaf-size 0", "expected an integer from 1 to 1024"),
             ("marti render a.nff --max-depth 21", "expected an integer from 0 to 20"),
             ("marti render a.nff --mailbox maybe", "possible values: on, off"),
+            ("marti keys new", "<FOLDER>"),
+            ("marti keys new k --days 0", "0 is not in 1..=36500"),
             ("marti render a.nff b.nff", "unexpected argument 'b.nff'"),
             ("marti verify", "<SCENE>"),
             ("marti verify gears --watertight", "cannot be used with"),
@@ -157,6 +167,7 @@ mod tests {
             ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti scene gears --size -1", "unexpected argument"),
             ("marti run t.toml --record misses", "possible values: references"),
+            ("marti run t.toml --chaos kill", "column 5: expected bus, master, node or display"),
             ("marti replay", "<RECORDING>"),
             ("marti replay o --local-memory 9/8", "a share of the database above 0"),
             ("marti replay o --local-memory 1/8..4096", "is empty"),

@@ -187,6 +187,7 @@ fn report(
         memory: None,
         bus: None,
         conservation: None,
+        chaos: None,
         incidents: Vec::new(),
         seconds,
     }

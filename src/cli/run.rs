@@ -1,31 +1,52 @@
-//! `marti run TOPOLOGY`
+//! `marti run TOPOLOGY`, and `marti run --resume OUT`
 
-use std::path::PathBuf;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::options::OutputOptions;
 use super::{Exit, Failure, print};
+use crate::chaos::Schedule;
 use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
-use crate::report::text;
+use crate::report::{Report, Status, json, text};
 use crate::topology::{Override, Topology};
 
 /// Render a topology with all its processes
 #[derive(Clone, Debug, Args)]
 pub struct RunArguments {
     /// Topology file (docs/topology.md)
-    pub topology: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    pub topology: Option<PathBuf>,
     /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Go on with the run that was interrupted in this folder: with its topology, and the tiles that it had
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["topology", "out"])]
+    pub resume: Option<PathBuf>,
     /// Set a key of the topology for this run, such as cluster.nodes=9
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<Override>,
     #[command(flatten)]
     pub output: OutputOptions,
     /// What to record besides the bus: references, which `marti replay` puts through other memories
-    #[arg(long, value_name = "WHAT", value_enum)]
+    #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
     pub record: Option<Record>,
+    /// Listen here for those who join, instead of where the topology's first host says
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Folder of the cluster's keys, which `marti keys new` makes: processes prove who they are, and all is encrypted
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    pub keys: Option<PathBuf>,
+    /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
+    #[arg(long)]
+    pub insecure: bool,
+    /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
+    #[arg(long, value_name = "FAULTS")]
+    pub chaos: Option<Schedule>,
+    /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub health: Option<SocketAddr>,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -39,20 +60,41 @@ pub enum Record {
 }
 
 impl RunArguments {
-    /// The folder that the run writes into.
-    pub fn folder(&self, topology: &Topology) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| PathBuf::from("out").join(&topology.name))
+    /// The topology and the folder that the run writes into.
+    fn subject(&self) -> Result<(Topology, PathBuf), Failure> {
+        let (file, out) = match (&self.topology, &self.resume) {
+            (Some(file), _) => (file.clone(), self.out.clone()),
+            (None, Some(folder)) => (manager::resolved_topology(folder), Some(folder.clone())),
+            (None, None) => return Err(Failure::new(Exit::BadInput, "no topology is given")),
+        };
+        let topology = Topology::read(&file, &self.set)?;
+        let out = out.unwrap_or_else(|| PathBuf::from("out").join(&topology.name));
+        Ok((topology, out))
     }
 }
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
-    let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    let (topology, out) = arguments.subject()?;
+    if arguments.resume.is_some()
+        && let Some(report) = finished(&out)
+    {
+        if !arguments.quiet {
+            print(&format!("{}: the run is finished\n{}", out.display(), text::summary(&report)))?;
+        }
+        return Ok(());
+    }
     let outcome = manager::run(RunRequest {
-        out: arguments.folder(&topology),
+        out,
+        resume: arguments.resume.is_some(),
         topology,
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
+        listen: arguments.listen,
+        keys: arguments.keys.clone(),
+        insecure: arguments.insecure,
+        chaos: arguments.chaos.clone(),
+        health: arguments.health,
         quiet: arguments.quiet,
     })
     .map_err(|error| {
@@ -68,4 +110,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
         RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
     }
+}
+
+/// The report of a run that has nothing left to do.
+fn finished(out: &Path) -> Option<Report> {
+    let report = json::read(&out.join("report.json")).ok()?;
+    let has_files = report.image.files.iter().all(|file| file.exists());
+    (report.status == Status::Done && has_files).then_some(report)
 }

@@ -108,6 +108,24 @@ impl FrameBuffer {
         Ok(())
     }
 
+    /// As if the rectangle had not been traced; what of it is outside of the image does not matter.
+    pub fn clear(&mut self, rect: Rect) {
+        clear_rows(&mut self.pixels.colour, self.width, rect, [0.0; 3]);
+        clear_rows(&mut self.pixels.depth, self.width, rect, -1.0);
+        clear_rows(&mut self.pixels.normal, self.width, rect, [0.0; 3]);
+        clear_rows(&mut self.pixels.primitive, self.width, rect, -1);
+    }
+
+    /// The bytes of a rectangle inside of the image as [`Pixels::write_bytes`] would lay them out, row by row.
+    pub fn rows(&self, rect: Rect) -> impl Iterator<Item = &[u8]> {
+        let Pixels { colour, depth, normal, primitive } = &self.pixels;
+        let colour = rows(colour, self.width, rect);
+        let depth = rows(depth, self.width, rect);
+        let normal = rows(normal, self.width, rect);
+        let primitive = rows(primitive, self.width, rect);
+        colour.chain(depth).chain(normal).chain(primitive)
+    }
+
     /// SHA-256 of the linear f32 RGB, row-major, little-endian; hexadecimal.
     pub fn sha256(&self) -> String {
         let digest = Sha256::digest(bytemuck::cast_slice::<_, u8>(&self.pixels.colour));
@@ -135,6 +153,17 @@ fn copy_rows<T: Pod>(plane: &mut [T], width: u32, rect: Rect, bytes: &[u8]) {
         let (start, end) = (rect.x as usize, (rect.x + rect.width) as usize);
         bytemuck::cast_slice_mut::<_, u8>(&mut row[start..end]).copy_from_slice(source);
     }
+}
+
+fn clear_rows<T: Copy>(plane: &mut [T], width: u32, rect: Rect, with: T) {
+    for row in plane.chunks_exact_mut(width as usize).skip(rect.y as usize).take(rect.height as usize) {
+        row.iter_mut().skip(rect.x as usize).take(rect.width as usize).for_each(|pixel| *pixel = with);
+    }
+}
+
+fn rows<T: Pod>(plane: &[T], width: u32, rect: Rect) -> impl Iterator<Item = &[u8]> {
+    let rows = plane.chunks_exact(width as usize).skip(rect.y as usize).take(rect.height as usize);
+    rows.map(move |row| bytemuck::cast_slice(&row[rect.x as usize..][..rect.width as usize]))
 }
 
 #[cfg(test)]
@@ -190,6 +219,21 @@ mod tests {
             by_bytes.blit_bytes(rect, &bytes).expect("fits");
             assert_eq!(by_planes.pixels(), by_bytes.pixels());
             assert!(by_bytes.blit_bytes(rect, &bytes[1..]).is_err());
+        }
+    }
+
+    #[test]
+    fn a_rectangle_is_read_as_it_was_written_and_cleared_without_a_trace() {
+        for aov in [ALL, AovSet::default()] {
+            let mut frame = FrameBuffer::new(6, 4, aov).expect("a small frame");
+            let empty = frame.pixels().clone();
+            let rect = Rect { x: 2, y: 1, width: 3, height: 2 };
+            let bytes: Vec<u8> = (0..Pixels::byte_len(6, aov)).map(|i| i as u8).collect();
+            frame.blit_bytes(rect, &bytes).expect("fits");
+            assert_eq!(frame.rows(rect).collect::<Vec<_>>().concat(), bytes);
+            assert_ne!(frame.pixels(), &empty);
+            frame.clear(rect);
+            assert_eq!(frame.pixels(), &empty);
         }
     }
 

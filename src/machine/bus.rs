@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use super::arbiter::{Arbiter, Waiting};
 use super::transaction::{Initiator, Request, Transaction};
-use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, TileId};
 
 /// Most requests of one initiator that may wait. Who drives the bus stops reading from an initiator
 /// that has no room left.
@@ -78,7 +78,7 @@ pub struct Bus {
     held: bool,
     arrivals: u64,
     stats: BusStats,
-    fetches: HashMap<(NodeId, TileId, Attempt), FetchCount>,
+    fetches: HashMap<(TileId, Attempt), FetchCount>,
 }
 
 impl Bus {
@@ -164,8 +164,8 @@ impl Bus {
     }
 
     /// The fetches of an attempt, zero if it made none.
-    pub fn fetches_of(&self, node: NodeId, tile: TileId, attempt: Attempt) -> FetchCount {
-        self.fetches.get(&(node, tile, attempt)).copied().unwrap_or_default()
+    pub fn fetches_of(&self, tile: TileId, attempt: Attempt) -> FetchCount {
+        self.fetches.get(&(tile, attempt)).copied().unwrap_or_default()
     }
 
     fn record(&self, grant: &Grant, data: &[u8], now_nanoseconds: u64) -> Transaction {
@@ -221,8 +221,8 @@ impl Bus {
             (Request::Fetch { tile, attempt, .. }, initiator) => {
                 self.stats.fetches += 1;
                 self.stats.fetched_bytes += bytes;
-                if let Initiator::Node(node) = initiator {
-                    let count = self.fetches.entry((node, *tile, *attempt)).or_default();
+                if matches!(initiator, Initiator::Node(_)) {
+                    let count = self.fetches.entry((*tile, *attempt)).or_default();
                     count.fetches += 1;
                     count.bytes += bytes;
                 }
@@ -243,6 +243,7 @@ mod tests {
 
     use super::*;
     use crate::database::Section;
+    use crate::ids::NodeId;
     use crate::machine::arbiter::{Fifo, FixedPriority};
     use crate::machine::transaction::{FetchRequest, Kind};
 
@@ -374,11 +375,11 @@ mod tests {
             written_bytes: 6,
         };
         assert_eq!(bus.stats(), expected);
-        let count = |attempt| bus.fetches_of(NodeId(7), tile, Attempt(attempt));
+        let count = |attempt| bus.fetches_of(tile, Attempt(attempt));
         assert_eq!(
             (count(0), count(1)),
             (FetchCount { fetches: 1, bytes: 128 }, FetchCount { fetches: 1, bytes: 128 })
         );
-        assert_eq!(bus.fetches_of(NodeId(0), tile, attempt), FetchCount::default());
+        assert_eq!(bus.fetches_of(TileId(9999), attempt), FetchCount::default());
     }
 }

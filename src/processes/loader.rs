@@ -3,9 +3,9 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::ids::{Address, Epoch};
-use crate::protocol::connection::{Receiver, Sender, connect};
-use crate::protocol::hello::{Hello, Role, RunToken};
+use crate::ids::{Address, ClusterId, Epoch};
+use crate::protocol::connection::{Credentials, Receiver, Sender, connect};
+use crate::protocol::hello::Role;
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 
 /// A connection to a bus, in the loader's place.
@@ -19,9 +19,15 @@ pub(super) struct Loader {
 impl Loader {
     /// # Errors
     /// The bus does not answer in time, or refuses this process.
-    pub(super) async fn connect(bus: SocketAddr, token: RunToken, deadline: Duration) -> Result<Self, String> {
-        let hello = Hello::new(Role::Manager, Epoch(0), token);
-        let connection = connect(Role::Bus, bus, &hello, deadline).await.map_err(|error| error.to_string())?;
+    pub(super) async fn connect(
+        cluster: ClusterId,
+        bus: SocketAddr,
+        credentials: &Credentials,
+        deadline: Duration,
+    ) -> Result<Self, String> {
+        let introduction = credentials.introduction(Role::Manager, Epoch(0));
+        let connection =
+            connect(Role::Bus(cluster), bus, &introduction, deadline).await.map_err(|error| error.to_string())?;
         let (sender, receiver) = connection.split();
         Ok(Self { sender, receiver, deadline })
     }

@@ -5,12 +5,17 @@ pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+pub mod health;
+pub mod join;
+mod listening;
 mod loader;
 pub mod manager;
 pub mod master;
 pub mod node;
 pub mod player;
+pub mod simulation;
 pub mod token;
 
 pub use bootstrap::{Child, StartError};
 pub use control_link::ControlLink;
+pub use join::Origin;

@@ -1,16 +1,12 @@
 //! The secret of a run, made and kept. It goes from process to process by a pipe or a file, never by an argument,
 //! which other users can read.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::io;
 use std::path::Path;
 
 use crate::protocol::hello::RunToken;
+use crate::secret_file;
 
-/// Read and written by its owner alone.
-const OWNER_ONLY: u32 = 0o600;
-const OTHERS: u32 = 0o077;
 /// A token's file is 65 bytes.
 const BYTES_MAX: u64 = 256;
 
@@ -29,38 +25,19 @@ pub fn random() -> io::Result<RunToken> {
 /// # Errors
 /// It cannot be written; the error names it.
 pub fn write(path: &Path, token: RunToken) -> io::Result<()> {
-    let written = || {
-        match fs::remove_file(path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-        // Nobody else can have opened a file that is new.
-        let mut file = OpenOptions::new().write(true).create_new(true).mode(OWNER_ONLY).open(path)?;
-        writeln!(file, "{}", token.to_hexadecimal())
-    };
-    written().map_err(|error| named(path, &error.to_string()))
+    secret_file::write(path, &(token.to_hexadecimal() + "\n"))
 }
 
 /// # Errors
 /// The file is not there, others can read it, or it holds no token; the error names it.
 pub fn read(path: &Path) -> io::Result<RunToken> {
-    let named = |what: &str| named(path, what);
-    let file = File::open(path).map_err(|error| named(&error.to_string()))?;
-    let mode = file.metadata().map_err(|error| named(&error.to_string()))?.mode();
-    if mode & OTHERS != 0 {
-        return Err(named(&format!("its mode is {:03o}: others can read the secret, expected 600", mode & 0o777)));
-    }
-    let mut text = String::new();
-    file.take(BYTES_MAX).read_to_string(&mut text).map_err(|error| named(&error.to_string()))?;
-    RunToken::from_hexadecimal(text.trim()).ok_or_else(|| named("expected 64 hexadecimal digits"))
-}
-
-fn named(path: &Path, what: &str) -> io::Error {
-    io::Error::other(format!("{}: {what}", path.display()))
+    let text = secret_file::read(path, BYTES_MAX)?;
+    RunToken::from_hexadecimal(text.trim()).ok_or_else(|| secret_file::named(path, "expected 64 hexadecimal digits"))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
@@ -72,7 +49,7 @@ mod tests {
         let token = random().expect("random numbers");
         for _ in 0..2 {
             write(&path, token).expect("a folder to write to");
-            assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, OWNER_ONLY);
+            assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
             assert!(read(&path).expect("a token") == token);
         }
         assert!(random().expect("random numbers") != token);

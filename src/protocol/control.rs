@@ -1,34 +1,66 @@
 //! Every process with the manager: configuration, signs of life, the end. No bulk data, so that no
 //! heartbeat waits behind an upload.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use super::hello::{Role, RunToken};
 use super::work::TileDone;
+use crate::codec::Message;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::keys::Identity;
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
 use crate::tracer::simd::Simd;
 use crate::tracer::{AovSet, Tiling, View};
 
-/// Handed to a spawned process by its standard input: where to go, and the secret.
+/// Handed to a spawned process by its standard input, to one that joins by the manager's port: where to go, and the
+/// secret.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Bootstrap {
     pub role: Role,
     pub epoch: Epoch,
     pub token: RunToken,
     pub manager: SocketAddr,
-    /// The text log of this process.
-    pub log: PathBuf,
+    /// What it proves itself with; `None`: plain TCP, or what it has of its own.
+    pub identity: Option<Identity>,
+    /// Where a server listens; `None`: at the interface by which it reaches the manager.
+    pub bind: Option<IpAddr>,
+    /// Under what others reach a server, an address or a name; `None`: under the address that it listens at.
+    pub advertise: Option<String>,
+    /// The text log of this process; `None`: standard error.
+    pub log: Option<PathBuf>,
+    /// Of both sides of the control connection.
     pub heartbeat_milliseconds: u64,
 }
+
+/// What the manager tells a process: among it, that it lives.
+pub trait Command: Message {
+    const HEARTBEAT: Self;
+
+    fn is_heartbeat(&self) -> bool;
+}
+
+macro_rules! commands {
+    ($($name:ident)*) => { $(
+        impl Command for $name {
+            const HEARTBEAT: Self = Self::Heartbeat;
+
+            fn is_heartbeat(&self) -> bool {
+                matches!(self, Self::Heartbeat)
+            }
+        }
+    )* };
+}
+
+commands! { BusCommand MasterCommand NodeCommand DisplayCommand }
 
 /// Manager to bus.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum BusCommand {
+    Heartbeat,
     Configure(BusConfiguration),
     /// All tiles are accounted for: close the recording and report. The lost attempts are told so that
     /// their fetches can be counted apart.
@@ -42,7 +74,7 @@ pub struct BusConfiguration {
     pub cluster: ClusterId,
     pub arbiter: Arbiter,
     pub layout: Layout,
-    /// The folder of the recording; it exists.
+    /// The folder of its log, made if need be.
     pub recording: PathBuf,
 }
 
@@ -73,10 +105,9 @@ pub struct BusTotals {
     pub log_waits: u64,
 }
 
-/// An attempt whose completion never arrived.
+/// An attempt whose completion never arrived. Its number is never given twice for a tile.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub struct LostAttempt {
-    pub node: NodeId,
     pub tile: TileId,
     pub attempt: Attempt,
 }
@@ -84,6 +115,7 @@ pub struct LostAttempt {
 /// Manager to master.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum MasterCommand {
+    Heartbeat,
     Configure(MasterConfiguration),
     /// Tiles for the cluster's queue, in the order they are to be handed out.
     Tiles(Vec<TileGrant>),
@@ -99,17 +131,21 @@ pub enum MasterCommand {
     Finish,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileGrant {
     pub tile: TileId,
     pub attempt: Attempt,
     /// Under interleaved assignment, the only node that may trace it.
     pub node: Option<NodeId>,
+    /// Nodes that may not: they trace it, or have traced it, already.
+    pub except: Vec<NodeId>,
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct MasterConfiguration {
     pub bus: SocketAddr,
+    /// Of the cluster; the others follow it.
+    pub first_node: NodeId,
     pub nodes: u16,
     pub assignment: Assignment,
     /// A tile not acknowledged for so long is reported as late.
@@ -136,6 +172,8 @@ pub enum MasterReport {
     },
     /// These attempts died with their node; the tiles need a new attempt.
     Lost(Vec<LostAttempt>),
+    /// None of the cluster's nodes can take these grants.
+    Returned(Vec<(TileId, Attempt)>),
     /// The tile deadline passed: the node is to be killed.
     Late {
         node: NodeId,
@@ -157,12 +195,18 @@ pub struct MasterTotals {
 /// Manager to node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum NodeCommand {
+    Heartbeat,
     Configure(Box<NodeConfiguration>),
+    /// There is a new display: what the last one did not acknowledge goes there again.
+    Display(SocketAddr),
+    /// From now on, one bit of every tile is to be wrong.
+    Corrupt,
     Finish,
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct NodeConfiguration {
+    pub cluster: ClusterId,
     pub master: SocketAddr,
     pub bus: SocketAddr,
     pub display: SocketAddr,
@@ -186,6 +230,8 @@ pub enum NodeReport {
     Failed(String),
     /// It holds the whole database and is ready to trace so.
     Packets(Packets),
+    /// It was asked to go, holds no tile any more, and ends by itself.
+    Leaving,
     Finished,
 }
 
@@ -200,7 +246,10 @@ pub struct Packets {
 /// Manager to display.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayCommand {
+    Heartbeat,
     Configure(DisplayConfiguration),
+    /// What is held of these tiles is wrong: they are to be taken anew. At most [`REVOCATIONS_MAX`].
+    Revoke(Vec<Revocation>),
     /// Write what there is, whole or partial, and report.
     Finish,
 }
@@ -209,6 +258,12 @@ pub enum DisplayCommand {
 pub struct DisplayConfiguration {
     pub tiling: Tiling,
     pub aov: AovSet,
+    /// The file that every tile is appended to before it is acknowledged.
+    pub journal: PathBuf,
+    /// Whether the tiles in the journal are taken over; if not, it starts over.
+    pub resume: bool,
+    /// Of scene and image settings: a journal of others is refused.
+    pub fingerprint: [u8; 32],
     /// The image file, ending in `.png`; the others stand beside it under the same stem.
     pub image: PathBuf,
     pub exr: bool,
@@ -217,11 +272,46 @@ pub struct DisplayConfiguration {
 /// Display to manager.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayReport {
+    /// Told before it listens: a bit a tile, set where the journal has it; bit i mod 8 of byte i / 8.
+    Restored(Vec<u8>),
     Listening(SocketAddr),
     Heartbeat,
     Incident(String),
+    /// A later result of a tile that was there already was held against it.
+    Compared(Comparison),
+    /// From now on results of these attempts, and of earlier ones, are dropped.
+    Revoked(Vec<Revocation>),
     Finished(DisplayTotals),
     Failed(String),
+}
+
+/// Most of them in one message.
+pub const REVOCATIONS_MAX: usize = 4096;
+
+/// A tile, and the last of its attempts that is not to be taken.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+pub struct Revocation {
+    pub tile: TileId,
+    pub attempt: Attempt,
+}
+
+/// Two results of one tile, compared byte for byte.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Comparison {
+    pub tile: TileId,
+    /// The one in the frame.
+    pub kept: TileResult,
+    pub other: TileResult,
+}
+
+/// A tile's pixels, and where they come from.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct TileResult {
+    pub attempt: Attempt,
+    /// `None`: of an earlier run, from its journal; the attempt counts for nothing then.
+    pub source: Option<(NodeId, Epoch)>,
+    /// SHA-256 of the bytes.
+    pub digest: [u8; 32],
 }
 
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]

@@ -3,11 +3,13 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
-use crate::ids::{Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::keys::RoleKind;
 
 /// Raised with every change of a message.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 pub const MAGIC: [u8; 8] = *b"marti\0\r\n";
 /// Until a peer is known, no frame may be longer.
 pub const HELLO_BYTES_MAX: usize = 4096;
@@ -16,18 +18,33 @@ pub const HELLO_BYTES_MAX: usize = 4096;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum Role {
     Manager,
-    Bus,
-    Master,
+    Bus(ClusterId),
+    Master(ClusterId),
     Node(NodeId),
     Display,
+}
+
+impl Role {
+    /// Without its number.
+    pub const fn kind(self) -> RoleKind {
+        match self {
+            Self::Manager => RoleKind::Manager,
+            Self::Bus(_) => RoleKind::Bus,
+            Self::Master(_) => RoleKind::Master,
+            Self::Node(_) => RoleKind::Node,
+            Self::Display => RoleKind::Display,
+        }
+    }
 }
 
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Manager => f.write_str("manager"),
-            Self::Bus => f.write_str("bus"),
-            Self::Master => f.write_str("master"),
+            Self::Bus(ClusterId(0)) => f.write_str("bus"),
+            Self::Bus(cluster) => write!(f, "bus of {cluster}"),
+            Self::Master(ClusterId(0)) => f.write_str("master"),
+            Self::Master(cluster) => write!(f, "master of {cluster}"),
             Self::Node(node) => write!(f, "{node}"),
             Self::Display => f.write_str("display"),
         }
@@ -47,6 +64,12 @@ impl RunToken {
     /// 64 digits, for a file that nobody else can read.
     pub fn to_hexadecimal(self) -> String {
         self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// A name of the run that does not betray the secret.
+    pub fn run_id(self) -> u64 {
+        let digest = Sha256::digest(self.0);
+        u64::from_le_bytes(std::array::from_fn(|i| digest[i]))
     }
 
     pub fn from_hexadecimal(text: &str) -> Option<Self> {

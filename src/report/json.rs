@@ -1,6 +1,7 @@
 //! report.json.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 use super::Report;
@@ -15,6 +16,15 @@ pub fn write(report: &Report, path: &Path) -> io::Result<()> {
         serde_json::to_writer_pretty(&mut *file, report)?;
         file.write_all(b"\n")
     })
+}
+
+/// Reads a report back.
+///
+/// # Errors
+/// The file cannot be read, or is no report; the error names it.
+pub fn read(path: &Path) -> io::Result<Report> {
+    let read = || Ok(serde_json::from_reader(BufReader::new(File::open(path)?))?);
+    read().map_err(|error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))
 }
 
 #[cfg(test)]

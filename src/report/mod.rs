@@ -15,6 +15,7 @@ pub use conservation::Conservation;
 pub use memory::{Memory, NodeMemory};
 
 use crate::database::verify::Verified;
+use crate::protocol::control::BusTotals;
 use crate::tracer::octree::census::Census;
 use crate::tracer::simd::Simd;
 use crate::tracer::{RayKind, TraceStats};
@@ -54,6 +55,9 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub conservation: Option<Conservation>,
     pub incidents: Vec<Incident>,
+    /// `None` where no fault was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub chaos: Option<Chaos>,
     pub seconds: Seconds,
 }
 
@@ -193,6 +197,15 @@ pub struct Tiles {
     pub reissued: u64,
     /// Results that came too late: pixels of a tile that was there already, completions no longer awaited.
     pub stale: u64,
+    /// Taken over from an earlier run.
+    #[serde(default)]
+    pub resumed: u64,
+    /// Rendered at least twice, with the same bytes.
+    #[serde(default)]
+    pub verified: u64,
+    /// Rendered twice with different bytes.
+    #[serde(default)]
+    pub disagreements: u64,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -220,11 +233,51 @@ pub struct Bus {
     pub log_waits: u64,
 }
 
+impl From<BusTotals> for Bus {
+    fn from(totals: BusTotals) -> Self {
+        Self {
+            transactions: totals.transactions,
+            fetches: totals.fetches,
+            bytes: totals.fetched_bytes + totals.bulk_bytes,
+            message_bytes: totals.message_bytes,
+            wire_bytes: totals.wire_bytes,
+            log_rows: totals.log_rows,
+            log_waits: totals.log_waits,
+        }
+    }
+}
+
+impl Bus {
+    /// The sum of two.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            transactions: self.transactions + other.transactions,
+            fetches: self.fetches + other.fetches,
+            bytes: self.bytes + other.bytes,
+            message_bytes: self.message_bytes + other.message_bytes,
+            wire_bytes: self.wire_bytes + other.wire_bytes,
+            log_rows: self.log_rows + other.log_rows,
+            log_waits: self.log_waits + other.log_waits,
+        }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Incident {
     /// Since the run began.
     pub seconds: f64,
     pub text: String,
+}
+
+/// What faults on purpose came to; each of them is an incident as well.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chaos {
+    /// The faults, nothing left to chance.
+    pub schedule: String,
+    pub carried_out: u64,
+    /// The longest time without another tile done, from the first fault to the last tile.
+    pub longest_wait_seconds: f64,
 }
 
 /// Wall clock, but `render_cpu`.
@@ -307,7 +360,7 @@ pub(crate) mod sample {
                 ],
             },
             tests: Some(Tests { primitive: 12_345, mailbox_skips: 678 }),
-            tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0 }),
+            tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0, ..Tiles::default() }),
             nodes: vec![node(0), node(1)],
             memory: Some(Memory::new(&all, 32, 8192)),
             bus: Some(Bus {
@@ -321,6 +374,7 @@ pub(crate) mod sample {
             }),
             conservation: Some(Conservation::new(vec![conservation::Check::new("a = b", 1, 1)])),
             incidents: vec![Incident { seconds: 1.25, text: "node 1 died: signal 9".to_owned() }],
+            chaos: Some(Chaos { schedule: "kill node 1@10%".to_owned(), carried_out: 1, longest_wait_seconds: 0.75 }),
             seconds: Seconds { load: 0.5, octree: 0.25, render: 2.0, render_cpu: 3.5, total: 3.0 },
         }
     }
@@ -349,10 +403,11 @@ mod tests {
             memory: None,
             bus: None,
             conservation: None,
+            chaos: None,
             ..sample::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
-        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation"] {
+        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation", "chaos"] {
             assert!(json.get(key).is_none(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Report>(json).expect("reads back"), render);

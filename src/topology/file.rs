@@ -9,9 +9,10 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+pub use super::host_file::Host;
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
-    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
+    Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
+    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Assignment, MemorySize, Replacement, TileOrder, Transactions};
 use crate::scene::procedural::Kind;
@@ -38,6 +39,8 @@ pub struct File {
     pub octree: Octree,
     #[serde(deserialize_with = "table")]
     pub cluster: Cluster,
+    #[serde(deserialize_with = "tables", skip_serializing_if = "Vec::is_empty")]
+    pub host: Vec<Host>,
     #[serde(deserialize_with = "table")]
     pub run: Run,
 }
@@ -191,7 +194,9 @@ impl Default for Octree {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cluster {
-    /// Processing nodes.
+    /// Clusters, each with a bus, a master and nodes of its own.
+    pub count: Clusters,
+    /// Processing nodes of each.
     pub nodes: Nodes,
     #[serde(deserialize_with = "table")]
     pub processor: Processor,
@@ -204,6 +209,7 @@ pub struct Cluster {
 impl Default for Cluster {
     fn default() -> Self {
         Self {
+            count: Clusters(1),
             nodes: Nodes(4),
             processor: Processor::default(),
             local_memory: LocalMemory::default(),
@@ -308,8 +314,10 @@ pub struct Run {
     /// Which node gets which tile.
     #[serde(deserialize_with = "name")]
     pub assignment: Assignment,
-    /// Seeds random replacement and random tile order.
+    /// Seeds random replacement, random tile order, and the choice of tiles that are verified.
     pub seed: Seed,
+    /// Share of the tiles that is rendered twice, by different nodes, and compared.
+    pub verify: Verify,
     #[serde(deserialize_with = "table")]
     pub deadlines: Deadlines,
 }
@@ -320,6 +328,7 @@ impl Default for Run {
             order: TileOrder::Scanline,
             assignment: Assignment::OnDemand,
             seed: Seed(1),
+            verify: Verify(0.0),
             deadlines: Deadlines::default(),
         }
     }
@@ -335,11 +344,18 @@ pub struct Deadlines {
     pub heartbeat_seconds: Seconds,
     /// From a tile's issue to its acknowledgement.
     pub tile_seconds: Seconds,
+    /// For somebody to join who takes a place on an external host.
+    pub join_seconds: Seconds,
 }
 
 impl Default for Deadlines {
     fn default() -> Self {
-        Self { startup_seconds: Seconds(10.0), heartbeat_seconds: Seconds(5.0), tile_seconds: Seconds(600.0) }
+        Self {
+            startup_seconds: Seconds(10.0),
+            heartbeat_seconds: Seconds(5.0),
+            tile_seconds: Seconds(600.0),
+            join_seconds: Seconds(600.0),
+        }
     }
 }
 

@@ -2,9 +2,13 @@
 
 mod document;
 pub mod file;
+pub mod host;
+pub mod host_file;
 mod memory_size;
 pub mod overrides;
+pub mod placement;
 mod prove;
+mod prove_hosts;
 mod read;
 mod scene_source;
 pub mod schema;
@@ -19,9 +23,12 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use host::{Host, Launch};
 pub use memory_size::NotASize;
 pub use overrides::Override;
+pub use placement::Placement;
 
+use crate::ids::{ClusterId, NodeId};
 use crate::scene::{Camera, Light, procedural::Procedural};
 use crate::tracer::view::ImageSettings;
 
@@ -39,6 +46,8 @@ pub struct Topology {
     pub image: Image,
     pub octree: Octree,
     pub cluster: Cluster,
+    /// The first is the manager's own; empty: everything is there, on the loopback interface.
+    pub hosts: Vec<Host>,
     pub run: Run,
 }
 
@@ -104,11 +113,34 @@ impl Octree {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
-    /// Processing nodes, 1 to 256.
+    /// Clusters of this kind, each with a bus, a master and nodes of its own, 1 to 64.
+    pub count: u16,
+    /// Processing nodes of each, 1 to 256. Node ids go on from cluster to cluster.
     pub nodes: u16,
     pub processor: Processor,
     pub local_memory: LocalMemory,
     pub bus: Bus,
+}
+
+impl Cluster {
+    /// Processing nodes of all clusters.
+    pub fn all_nodes(&self) -> u16 {
+        self.count * self.nodes
+    }
+
+    /// The cluster that a node belongs to.
+    pub fn of(&self, node: NodeId) -> ClusterId {
+        ClusterId(node.0 / self.nodes)
+    }
+
+    /// The first node of a cluster.
+    pub fn first_node(&self, cluster: ClusterId) -> NodeId {
+        NodeId(cluster.0 * self.nodes)
+    }
+
+    pub fn ids(&self) -> impl Iterator<Item = ClusterId> + use<> {
+        (0..self.count).map(ClusterId)
+    }
 }
 
 /// What a processing node's work costs, cycles, each 0 to 1,000,000. A model that a replay applies to what was counted:
@@ -225,8 +257,10 @@ pub enum Arbiter {
 pub struct Run {
     pub order: TileOrder,
     pub assignment: Assignment,
-    /// Seeds random replacement and random tile order.
+    /// Seeds random replacement, random tile order, and the choice of tiles that are verified.
     pub seed: u64,
+    /// Share of the tiles that is rendered twice, by different nodes, and compared, 0 to 1.
+    pub verify: f64,
     pub deadlines: Deadlines,
 }
 
@@ -266,9 +300,16 @@ pub struct Deadlines {
     pub heartbeat: Duration,
     /// From a tile's issue to its acknowledgement.
     pub tile: Duration,
+    /// For somebody to join who takes a place on an external host.
+    pub join: Duration,
 }
 
 impl Topology {
+    /// Which host holds which process.
+    pub fn placement(&self) -> Placement {
+        Placement::new(&self.hosts, &self.cluster)
+    }
+
     /// The image settings, once the scene's own resolution is known.
     ///
     /// # Errors

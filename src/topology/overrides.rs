@@ -182,11 +182,11 @@ mod tests {
             ("cluster.nodes=", "cluster.nodes is empty, expected an integer from 1 to 256"),
             (
                 "cluster.nodse=2",
-                "unknown key cluster.nodse, expected one of nodes, processor, local_memory, bus; did you mean nodes?",
+                "unknown key cluster.nodse, expected one of count, nodes, processor, local_memory, bus; did you mean nodes?",
             ),
             (
                 "clutser.nodes=2",
-                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, run; did you mean cluster?",
+                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean cluster?",
             ),
             ("image.width.x=2", "image.width is of type integer, expected a table"),
             ("light.2.position=[0, 0, 0]", "light has no element 2, expected a number below 2"),

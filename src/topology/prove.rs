@@ -10,6 +10,7 @@ use super::file::{self, File};
 use super::value::{Channel, Coordinate, Quantum, Seconds};
 use super::{
     Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Run, SceneSource, Topology,
+    prove_hosts,
 };
 use crate::scene::{Camera, Light, SourceError};
 use crate::tracer::view::ImageSettings;
@@ -19,12 +20,17 @@ type Result<T> = std::result::Result<T, SourceError>;
 /// Tiles are square with this side where the file says nothing, pixels.
 const TILE_SIDE: u32 = 16;
 
+/// Nodes that verification needs.
+const VERIFY_NODES_MIN: u16 = 3;
+
 /// # Errors
 /// The first combination of values that is not possible.
 pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Result<Topology> {
     let camera = written.camera.as_ref().map(|camera| prove_camera(camera, document)).transpose()?;
     let light = |light: &file::Light| Light { position: point(light.position), colour: colour(light.colour) };
+    let cluster = cluster(&written.cluster, document)?;
     Ok(Topology {
+        hosts: prove_hosts::prove(written, &cluster, document)?,
         name: name(path, written, document)?,
         scene: source(path, &written.scene, document)?,
         camera,
@@ -36,16 +42,12 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             max_depth: written.octree.max_depth.0,
             mailbox: written.octree.mailbox,
         },
-        cluster: Cluster {
-            nodes: written.cluster.nodes.0,
-            processor: processor(&written.cluster.processor),
-            local_memory: local_memory(&written.cluster.local_memory, document)?,
-            bus: bus(&written.cluster.bus, document)?,
-        },
+        cluster,
         run: Run {
             order: written.run.order,
             assignment: written.run.assignment,
             seed: written.run.seed.0,
+            verify: verify(written, document)?,
             deadlines: deadlines(&written.run.deadlines),
         },
     })
@@ -110,6 +112,16 @@ fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {
     Ok(image)
 }
 
+fn cluster(written: &file::Cluster, document: &Document<'_>) -> Result<Cluster> {
+    Ok(Cluster {
+        count: written.count.0,
+        nodes: written.nodes.0,
+        processor: processor(&written.processor),
+        local_memory: local_memory(&written.local_memory, document)?,
+        bus: bus(&written.bus, document)?,
+    })
+}
+
 fn processor(written: &file::Processor) -> Processor {
     Processor {
         octree_node: written.octree_node.0,
@@ -163,12 +175,26 @@ fn arbiter(written: &file::Bus, document: &Document<'_>) -> Result<Arbiter> {
     }
 }
 
+/// Two nodes disagree, a third one settles it.
+fn verify(written: &File, document: &Document<'_>) -> Result<f64> {
+    let verify = written.run.verify.0;
+    let nodes = written.cluster.count.0 * written.cluster.nodes.0;
+    if verify > 0.0 && nodes < VERIFY_NODES_MIN {
+        let what = format!(
+            "run.verify is {verify} with {nodes} nodes, expected at least {VERIFY_NODES_MIN}: where two disagree, a third one settles it"
+        );
+        return Err(document.error(&["run.verify", "cluster.nodes"], what));
+    }
+    Ok(verify)
+}
+
 fn deadlines(written: &file::Deadlines) -> Deadlines {
     let duration = |Seconds(seconds)| Duration::from_secs_f64(seconds);
     Deadlines {
         startup: duration(written.startup_seconds),
         heartbeat: duration(written.heartbeat_seconds),
         tile: duration(written.tile_seconds),
+        join: duration(written.join_seconds),
     }
 }
 

@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use super::file::{self, File};
 use super::value::{
-    Angle, Channel, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes, ProceduralSize,
-    Quantum, Seconds, Seed, Side, Size, Tile, Version, Ways, Width,
+    Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
+    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Arbiter, Bus, Cluster, Image, Octree, Processor, Run, SceneSource, Topology};
 
@@ -39,6 +39,7 @@ impl From<&Topology> for File {
             image: image(&topology.image),
             octree: octree(topology.octree),
             cluster: cluster(&topology.cluster),
+            host: topology.hosts.iter().map(file::Host::from).collect(),
             run: run(&topology.run),
         }
     }
@@ -82,6 +83,7 @@ fn octree(octree: Octree) -> file::Octree {
 fn cluster(cluster: &Cluster) -> file::Cluster {
     let memory = cluster.local_memory;
     file::Cluster {
+        count: Clusters(cluster.count),
         nodes: Nodes(cluster.nodes),
         processor: cluster.processor.into(),
         local_memory: file::LocalMemory {
@@ -128,10 +130,12 @@ fn run(run: &Run) -> file::Run {
         order: run.order,
         assignment: run.assignment,
         seed: Seed(run.seed),
+        verify: Verify(run.verify),
         deadlines: file::Deadlines {
             startup_seconds: Seconds(run.deadlines.startup.as_secs_f64()),
             heartbeat_seconds: Seconds(run.deadlines.heartbeat.as_secs_f64()),
             tile_seconds: Seconds(run.deadlines.tile.as_secs_f64()),
+            join_seconds: Seconds(run.deadlines.join.as_secs_f64()),
         },
     }
 }
@@ -166,13 +170,19 @@ mod tests {
         light = [{ position = [1, 2, 3] }, { position = [4, 5, 6], colour = [0.25, 0, 3] }]\n\
         image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1 }\n\
         octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
+        cluster.count = 3\n\
         cluster.nodes = 256\n\
         cluster.local_memory = { size = '1.5 KiB', line = 32, ways = 3, replacement = 'random' }\n\
         cluster.processor = { octree_node = 0, primitive_test = 7, shading = 1000000, local_access = 3 }\n\
         cluster.bus = { arbiter = 'round_robin', quantum = 17, width = 64, cycles_per_word = 1024, latency = 0,\n\
             transactions = 'split' }\n\
-        run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, deadlines = {\n\
-            startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999 } }\n";
+        run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, verify = 0.25, deadlines = {\n\
+            startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999,\n\
+            join_seconds = 61.5 } }\n\
+        host = [{ name = 'here', bind = '0.0.0.0', advertise = 'here.example', port = 4242, nodes = 100 },\n\
+            { name = 'u@b-2', bind = '10.0.0.2', launch = ['ssh', '{host}', 'exec {program}'], programs = '/opt/marti',\n\
+            shared_files = true, clusters = [2, 1], display = true },\n\
+            { name = 'cloud', launch = 'external', nodes = 0 }]\n";
 
     #[test]
     fn every_key_is_written_as_it_was_read() {

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use marti::codec;
-use marti::ids::Epoch;
+use marti::ids::{ClusterId, Epoch};
 use marti::protocol::hello::{Hello, HelloReply, Role, RunToken};
 
 use crate::command::marti;
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(4);
 fn strangers() -> BTreeMap<&'static str, Vec<u8>> {
     let token = RunToken::new([7; 32]);
     let hello = |change: fn(&mut Hello)| {
-        let mut hello = Hello::new(Role::Master, Epoch(0), token);
+        let mut hello = Hello::new(Role::Master(ClusterId(0)), Epoch(0), token);
         change(&mut hello);
         codec::encode(&hello, &[]).expect("a hello fits")
     };

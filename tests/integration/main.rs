@@ -1,15 +1,18 @@
 //! The real binaries, from the outside.
 
 mod bad_input;
+mod chaos;
 mod command;
 mod command_line;
 mod damaged_recordings;
 mod exports;
 mod faults;
 mod frames;
+mod hosts;
 mod play;
 mod processes;
 mod recording;
 mod reference;
 mod references;
+mod resume;
 mod same_image;

@@ -69,6 +69,30 @@ fn any_number_of_nodes_and_any_memory_give_the_same_image() {
     }
 }
 
+#[test]
+fn any_number_of_clusters_gives_the_same_image_and_closes_all_books() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    for (count, nodes) in [(1, 3), (2, 2), (3, 1)] {
+        for assignment in ["on_demand", "interleaved"] {
+            let sets = [
+                format!("cluster.count={count}"),
+                format!("cluster.nodes={nodes}"),
+                format!("run.assignment={assignment}"),
+                "run.verify=0.2".to_owned(),
+            ];
+            let report = expect_same(&expected, &sets.each_ref().map(String::as_str));
+            assert_eq!(report["nodes"].as_array().map(Vec::len), Some(count * nodes), "{sets:?}");
+            // Six equations a cluster, one a node that counts, one of all tiles.
+            let checks = report["conservation"]["checks"].as_array().map(Vec::len);
+            assert_eq!(checks, Some(6 * count + count * nodes + 1), "{sets:?}");
+            assert!(report["conservation"]["unverifiable"].is_null());
+            assert!(number(&report, "tiles.verified") >= 3, "the first tile of every node: {sets:?}");
+            assert_eq!(number(&report, "tiles.disagreements"), 0);
+        }
+    }
+}
+
 /// The packets with any instructions, the single-ray kernel, nodes with all of the database, nodes with little of it.
 #[test]
 fn every_kernel_and_every_way_to_run_give_the_same_image_of_every_scene() {

@@ -13,6 +13,7 @@ use super::memory_loop::Command;
 use super::{BusError, FINISH_DEADLINE, INCIDENTS_MAX, admit, listen, start_loop};
 use crate::ids::Epoch;
 use crate::processes::{StartError, token};
+use crate::protocol::connection::Credentials;
 use crate::protocol::control::{BusConfiguration, BusTotals};
 use crate::protocol::hello::RunToken;
 use crate::recording::bus_log;
@@ -80,7 +81,7 @@ fn prepare(alone: &Alone) -> Result<PathBuf, BusError> {
             _ => {}
         }
     }
-    telemetry::start(&logs.join("bus.log")).map_err(StartError::from)?;
+    telemetry::start(Some(&logs.join("bus.log"))).map_err(StartError::from)?;
     Ok(recording)
 }
 
@@ -90,7 +91,7 @@ async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfigurat
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (farewell, mut loader_left) = oneshot::channel();
     let (handle, ended) = start_loop(configuration, Epoch(0), incident_sender, Some(farewell))?;
-    let mut listener = listen(bind, secret).await?;
+    let mut listener = listen(bind, Credentials::plain(secret)).await?;
     say(listener.address())?;
     let why = loop {
         tokio::select! {

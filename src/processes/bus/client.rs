@@ -7,7 +7,7 @@ use mio::net::TcpStream;
 
 use crate::codec::{self, Message};
 use crate::protocol::connection::read_buffer::{ReadBuffer, would_block};
-use crate::protocol::connection::{Fault, Peer};
+use crate::protocol::connection::{Fault, Peer, Socket};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::MemoryRequest;
 
@@ -20,7 +20,7 @@ const OUTPUT_BYTES_KEPT: usize = 64 << 10;
 /// that its buffers hold one request and one reply at most.
 #[derive(Debug)]
 pub(super) struct Client {
-    pub(super) stream: TcpStream,
+    pub(super) socket: Socket<TcpStream>,
     pub(super) peer: Peer,
     input: ReadBuffer,
     /// A read may bring something.
@@ -34,9 +34,9 @@ pub(super) struct Client {
 }
 
 impl Client {
-    pub(super) fn new(stream: std::net::TcpStream, peer: Peer) -> Self {
+    pub(super) fn new(socket: Socket<std::net::TcpStream>, peer: Peer) -> Self {
         Self {
-            stream: TcpStream::from_std(stream),
+            socket: socket.map(TcpStream::from_std),
             peer,
             input: ReadBuffer::with_room(INPUT_BYTES),
             readable: true,
@@ -69,9 +69,9 @@ impl Client {
             if !self.readable {
                 return Ok(None);
             }
-            match self.input.fill_from(&self.stream) {
+            match self.input.fill_from(&mut self.socket) {
                 // A short read has taken all there was: no second read is needed to learn that.
-                Ok(more) => self.readable = more,
+                Ok(more) => self.readable = more || self.socket.holds_more(),
                 Err(Fault::Io(error)) if would_block(&error) => self.readable = false,
                 Err(Fault::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
                 Err(fault) => return Err(fault),
@@ -81,10 +81,14 @@ impl Client {
 
     /// Sends what the peer takes at once.
     pub(super) fn flush(&mut self) -> Result<(), Fault> {
-        while let Some(rest) = self.output.get(self.sent..).filter(|rest| !rest.is_empty()) {
-            match self.stream.write(rest) {
-                Ok(0) => return Err(Fault::Closed),
-                Ok(bytes) => {
+        loop {
+            let rest = self.output.get(self.sent..).unwrap_or_default();
+            let written =
+                if rest.is_empty() { self.socket.flush().map(|()| None) } else { self.socket.write(rest).map(Some) };
+            match written {
+                Ok(None) => break,
+                Ok(Some(0)) => return Err(Fault::Closed),
+                Ok(Some(bytes)) => {
                     self.sent += bytes;
                     self.wire_bytes += bytes as u64;
                     self.stuck_since = None;

@@ -14,7 +14,7 @@ use super::client::Client;
 use super::state::{Refusal, State, initiator};
 use crate::codec;
 use crate::machine::transaction::Initiator;
-use crate::protocol::connection::{Fault, Peer};
+use crate::protocol::connection::{Fault, Peer, Socket};
 use crate::protocol::control::{BusTotals, LostAttempt};
 use crate::protocol::memory::MemoryReply;
 use crate::recording::{RecordingError, Writer};
@@ -32,7 +32,7 @@ const LEAVE_DEADLINE: Duration = Duration::from_millis(500);
 #[derive(Debug)]
 pub enum Command {
     /// A peer whose hello was accepted. It takes the place of its predecessor.
-    Admit(Peer, std::net::TcpStream),
+    Admit(Peer, Socket<std::net::TcpStream>),
     /// Serve what comes until all but the loader have left, half a second at most, then end.
     Finish { lost: Vec<LostAttempt> },
 }
@@ -310,7 +310,7 @@ impl MemoryLoop {
     fn obey(&mut self) -> Obeyed {
         loop {
             match self.commands.try_recv() {
-                Ok(Command::Admit(peer, stream)) => self.admit(peer, stream),
+                Ok(Command::Admit(peer, socket)) => self.admit(peer, socket),
                 Ok(Command::Finish { lost }) => return Obeyed::Finish { lost },
                 Err(channel::TryRecvError::Empty) => return Obeyed::On,
                 Err(channel::TryRecvError::Disconnected) => return Obeyed::Abandoned,
@@ -318,7 +318,7 @@ impl MemoryLoop {
         }
     }
 
-    fn admit(&mut self, peer: Peer, stream: std::net::TcpStream) {
+    fn admit(&mut self, peer: Peer, socket: Socket<std::net::TcpStream>) {
         let Some(initiator) = initiator(peer.role) else {
             return self.tell(format!("{peer} has no place on the bus"));
         };
@@ -333,9 +333,9 @@ impl MemoryLoop {
             tracing::info!("{peer} takes the place of {}", before.peer);
             self.remove(slot);
         }
-        let mut client = Client::new(stream, peer);
+        let mut client = Client::new(socket, peer);
         let interest = Interest::READABLE | Interest::WRITABLE;
-        if let Err(error) = self.poll.registry().register(&mut client.stream, Token(slot), interest) {
+        if let Err(error) = self.poll.registry().register(client.socket.inner_mut(), Token(slot), interest) {
             return self.tell(format!("{peer}: cannot be polled: {error}"));
         }
         tracing::info!("{peer} is on the bus");
@@ -350,7 +350,7 @@ impl MemoryLoop {
             self.state.disconnect(initiator);
         }
         // An error means that it is not polled any more, which is the aim.
-        let _ = self.poll.registry().deregister(&mut client.stream);
+        let _ = self.poll.registry().deregister(client.socket.inner_mut());
         Some(client)
     }
 

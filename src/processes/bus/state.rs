@@ -43,9 +43,9 @@ pub struct State {
 pub fn initiator(role: Role) -> Option<Initiator> {
     match role {
         Role::Manager => Some(Initiator::Loader),
-        Role::Master => Some(Initiator::Master),
+        Role::Master(_) => Some(Initiator::Master),
         Role::Node(node) => Some(Initiator::Node(node)),
-        Role::Bus | Role::Display => None,
+        Role::Bus(_) | Role::Display => None,
     }
 }
 
@@ -124,7 +124,7 @@ impl State {
             ..BusTotals::default()
         };
         for attempt in lost {
-            let fetched = self.bus.fetches_of(attempt.node, attempt.tile, attempt.attempt);
+            let fetched = self.bus.fetches_of(attempt.tile, attempt.attempt);
             totals.fetches_of_lost_attempts += fetched.fetches;
             totals.fetched_bytes_of_lost_attempts += fetched.bytes;
         }
@@ -392,6 +392,6 @@ mod tests {
             fetched_bytes_of_lost_attempts: 192 + 16,
             ..BusTotals::default()
         };
-        assert_eq!(state.totals(&[LostAttempt { node: NodeId(1), tile, attempt }]), expected);
+        assert_eq!(state.totals(&[LostAttempt { tile, attempt }]), expected);
     }
 }

@@ -2,16 +2,18 @@
 
 use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::*;
 use crate::codec;
 use crate::database::{Layout, Section};
-use crate::ids::{Address, Attempt, ClusterId, NodeId, TileId};
-use crate::protocol::connection::{BlockingConnection, Fault};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::keys::{Authority, Identity, RoleKind, Validity};
+use crate::protocol::connection::{BlockingConnection, Fault, Tls};
 use crate::protocol::control::LostAttempt;
-use crate::protocol::hello::Hello;
+use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::topology::Arbiter;
 
@@ -26,6 +28,7 @@ const IMAGE_BYTES: usize = 3 * BULK_BYTES_MAX as usize;
 
 /// A bus without a manager: its loop, and a listener that hands peers to it.
 struct TestBus {
+    keys: Keys,
     address: SocketAddr,
     finish: oneshot::Sender<Vec<LostAttempt>>,
     incidents: mpsc::Receiver<String>,
@@ -33,8 +36,28 @@ struct TestBus {
     folder: tempfile::TempDir,
 }
 
+/// Who signs the certificates of a bus and its peers; none: plain TCP.
+type Keys = Option<Arc<Authority>>;
+
+/// Plain TCP, and mutual TLS.
+fn wires() -> [Keys; 2] {
+    [None, Some(Arc::new(Authority::new().expect("random numbers")))]
+}
+
+fn credentials(keys: &Keys, kind: RoleKind) -> Credentials {
+    let tls = keys.as_ref().map(|authority| {
+        let pem = authority.issue(kind, Validity::days(1)).expect("random numbers");
+        Tls::new(&Identity { kind, pem }).expect("good keys")
+    });
+    Credentials { tls, ..Credentials::plain(TOKEN) }
+}
+
 impl TestBus {
     fn start() -> Self {
+        Self::start_over(None)
+    }
+
+    fn start_over(keys: Keys) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let configuration = BusConfiguration {
             cluster: ClusterId(0),
@@ -45,16 +68,21 @@ impl TestBus {
         let (incident_sender, incidents) = mpsc::channel(INCIDENTS_MAX);
         let (finish, finished) = oneshot::channel();
         let (bound, address) = std::sync::mpsc::channel();
+        let credentials = credentials(&keys, RoleKind::Bus);
         let totals = thread::spawn(move || {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-            runtime.block_on(run_until(finished, &configuration, incident_sender, &bound))
+            runtime.block_on(run_until(finished, &configuration, credentials, incident_sender, &bound))
         });
-        Self { address: address.recv_timeout(SOON).expect("bound"), finish, incidents, totals, folder }
+        Self { keys, address: address.recv_timeout(SOON).expect("bound"), finish, incidents, totals, folder }
     }
 
     /// Stores the image.
     fn loaded() -> Self {
-        let bus = Self::start();
+        Self::loaded_over(None)
+    }
+
+    fn loaded_over(keys: Keys) -> Self {
+        let bus = Self::start_over(keys);
         let mut loader = bus.connect(Role::Manager, 0);
         let mut address = 0;
         for part in image().chunks(BULK_BYTES_MAX as usize) {
@@ -66,7 +94,8 @@ impl TestBus {
     }
 
     fn connect(&self, role: Role, epoch: u32) -> Connection {
-        Connection::connect(Role::Bus, self.address, &Hello::new(role, Epoch(epoch), TOKEN), SOON).expect("welcome")
+        let introduction = credentials(&self.keys, role.kind()).introduction(role, Epoch(epoch));
+        Connection::connect(Role::Bus(ClusterId(0)), self.address, &introduction, SOON).expect("welcome")
     }
 
     fn node(&self, node: u16) -> Connection {
@@ -93,6 +122,7 @@ impl TestBus {
 async fn run_until(
     mut finished: oneshot::Receiver<Vec<LostAttempt>>,
     configuration: &BusConfiguration,
+    credentials: Credentials,
     incidents: mpsc::Sender<String>,
     bound: &std::sync::mpsc::Sender<SocketAddr>,
 ) -> BusTotals {
@@ -106,7 +136,7 @@ async fn run_until(
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
     let loop_thread = thread::spawn(|| memory_loop.run());
-    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), TOKEN).await.expect("loopback");
+    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), credentials).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {
         tokio::select! {
@@ -151,52 +181,56 @@ fn fetch(address: u64, line_bytes: u16, lines: u32) -> MemoryRequest {
 
 #[test]
 fn lines_and_ranges_come_as_they_were_stored() {
-    let (bus, image) = (TestBus::loaded(), image());
-    let mut node = bus.node(0);
-    let (reply, data) = ask(&mut node, &fetch(1024, 64, 0b101), &[]).expect("good");
-    assert_eq!(reply, MemoryReply::Data { bytes: 128 });
-    assert_eq!(data, [&image[1024..1088], &image[1152..1216]].concat());
-    let (_, data) = ask(&mut node, &fetch(512, 256, u32::MAX), &[]).expect("good");
-    assert_eq!(data, image[512..512 + 32 * 256]);
-    let range = MemoryRequest::Bulk { address: Address(4096), bytes: BULK_BYTES_MAX };
-    let (_, data) = ask(&mut node, &range, &[]).expect("good");
-    assert!(data == image[4096..4096 + BULK_BYTES_MAX as usize]);
+    for keys in wires() {
+        let (bus, image) = (TestBus::loaded_over(keys), image());
+        let mut node = bus.node(0);
+        let (reply, data) = ask(&mut node, &fetch(1024, 64, 0b101), &[]).expect("good");
+        assert_eq!(reply, MemoryReply::Data { bytes: 128 });
+        assert_eq!(data, [&image[1024..1088], &image[1152..1216]].concat());
+        let (_, data) = ask(&mut node, &fetch(512, 256, u32::MAX), &[]).expect("good");
+        assert_eq!(data, image[512..512 + 32 * 256]);
+        let range = MemoryRequest::Bulk { address: Address(4096), bytes: BULK_BYTES_MAX };
+        let (_, data) = ask(&mut node, &range, &[]).expect("good");
+        assert!(data == image[4096..4096 + BULK_BYTES_MAX as usize]);
 
-    drop(node);
-    let lost = LostAttempt { node: NodeId(0), tile: TileId(0), attempt: Attempt(0) };
-    let (totals, folder) = bus.finish(vec![lost]);
-    assert_eq!((totals.fetches, totals.fetched_bytes), (2, 128 + 32 * 256));
-    assert_eq!((totals.fetches_of_lost_attempts, totals.bulk_bytes), (2, u64::from(BULK_BYTES_MAX)));
-    assert_eq!((totals.transactions, totals.log_rows), (6, 6), "three stores, two fetches, a range");
-    assert!(folder.path().join("bus.arrows").exists());
-    // All data moved, and for each request and reply less than a hundred bytes around them.
-    let moved = (IMAGE_BYTES + BULK_BYTES_MAX as usize + 128 + 32 * 256) as u64;
-    assert!((moved..moved + 6 * 100).contains(&totals.wire_bytes), "{} for {moved}", totals.wire_bytes);
+        drop(node);
+        let lost = LostAttempt { tile: TileId(0), attempt: Attempt(0) };
+        let (totals, folder) = bus.finish(vec![lost]);
+        assert_eq!((totals.fetches, totals.fetched_bytes), (2, 128 + 32 * 256));
+        assert_eq!((totals.fetches_of_lost_attempts, totals.bulk_bytes), (2, u64::from(BULK_BYTES_MAX)));
+        assert_eq!((totals.transactions, totals.log_rows), (6, 6), "three stores, two fetches, a range");
+        assert!(folder.path().join("bus.arrows").exists());
+        // All data moved, and for each request and reply less than a hundred bytes around them.
+        let moved = (IMAGE_BYTES + BULK_BYTES_MAX as usize + 128 + 32 * 256) as u64;
+        assert!((moved..moved + 6 * 100).contains(&totals.wire_bytes), "{} for {moved}", totals.wire_bytes);
+    }
 }
 
 #[test]
 fn many_nodes_at_once_each_get_their_own_lines() {
-    let (bus, image) = (TestBus::loaded(), image());
-    thread::scope(|scope| {
-        for n in 0..6 {
-            let (mut node, image) = (bus.node(n), &image);
-            scope.spawn(move || {
-                for i in 0..500u64 {
-                    let line = (i * 7919 + u64::from(n) * 104_729) % (IMAGE_BYTES as u64 / 64);
-                    let (_, data) = ask(&mut node, &fetch(line * 64, 64, 1), &[]).expect("good");
-                    assert_eq!(data, image[line as usize * 64..][..64]);
-                }
-            });
-        }
-    });
-    let (totals, _) = bus.finish(Vec::new());
-    assert_eq!((totals.fetches, totals.fetched_bytes, totals.log_rows), (3000, 3000 * 64, 3003));
+    for keys in wires() {
+        let (bus, image) = (TestBus::loaded_over(keys), image());
+        thread::scope(|scope| {
+            for n in 0..6 {
+                let (mut node, image) = (bus.node(n), &image);
+                scope.spawn(move || {
+                    for i in 0..500u64 {
+                        let line = (i * 7919 + u64::from(n) * 104_729) % (IMAGE_BYTES as u64 / 64);
+                        let (_, data) = ask(&mut node, &fetch(line * 64, 64, 1), &[]).expect("good");
+                        assert_eq!(data, image[line as usize * 64..][..64]);
+                    }
+                });
+            }
+        });
+        let (totals, _) = bus.finish(Vec::new());
+        assert_eq!((totals.fetches, totals.fetched_bytes, totals.log_rows), (3000, 3000 * 64, 3003));
+    }
 }
 
 #[test]
 fn messages_that_are_not_answered_count_even_when_the_end_follows_at_once() {
     let bus = TestBus::start();
-    let mut master = bus.connect(Role::Master, 0);
+    let mut master = bus.connect(Role::Master(ClusterId(0)), 0);
     for tile in 0..200 {
         let (node, tile, attempt) = (NodeId(0), TileId(tile), Attempt(0));
         master.send(&MemoryRequest::Job { node, tile, attempt, bytes: 4 }, &[]).expect("open");
@@ -211,7 +245,7 @@ fn who_asks_for_what_is_not_his_is_told_named_and_dropped() {
     let mut bus = TestBus::loaded();
     for (role, request, bulk, expected) in [
         (Role::Node(NodeId(4)), MemoryRequest::Store { address: Address(0) }, &[][..], "a store is not for this"),
-        (Role::Master, fetch(0, 64, 1), &[], "a fetch is not for this"),
+        (Role::Master(ClusterId(0)), fetch(0, 64, 1), &[], "a fetch is not for this"),
         (Role::Node(NodeId(4)), fetch(IMAGE_BYTES as u64, 64, 1), &[], "outside of the image"),
         (Role::Node(NodeId(4)), fetch(32, 64, 1), &[], "a multiple of its line"),
     ] {
@@ -249,20 +283,22 @@ fn a_newcomer_takes_the_place_of_its_predecessor_but_not_of_its_successor() {
 
 #[test]
 fn a_peer_that_stops_reading_is_dropped_and_holds_up_nobody() {
-    let mut bus = TestBus::loaded();
-    let mut stuck = bus.node(0);
-    for _ in 0..8 {
-        stuck.send(&MemoryRequest::Bulk { address: Address(0), bytes: BULK_BYTES_MAX }, &[]).expect("open");
-    }
-    let mut other = bus.node(1);
-    let begin = Instant::now();
-    for _ in 0..100 {
+    for keys in wires() {
+        let mut bus = TestBus::loaded_over(keys);
+        let mut stuck = bus.node(0);
+        for _ in 0..8 {
+            stuck.send(&MemoryRequest::Bulk { address: Address(0), bytes: BULK_BYTES_MAX }, &[]).expect("open");
+        }
+        let mut other = bus.node(1);
+        let begin = Instant::now();
+        for _ in 0..100 {
+            ask(&mut other, &fetch(0, 64, 1), &[]).expect("good");
+        }
+        assert!(begin.elapsed() < STUCK_DEADLINE, "{:?}", begin.elapsed());
+        let incident = bus.incident();
+        assert!(incident.contains("node 0") && incident.contains("did not read"), "{incident}");
         ask(&mut other, &fetch(0, 64, 1), &[]).expect("good");
     }
-    assert!(begin.elapsed() < STUCK_DEADLINE, "{:?}", begin.elapsed());
-    let incident = bus.incident();
-    assert!(incident.contains("node 0") && incident.contains("did not read"), "{incident}");
-    ask(&mut other, &fetch(0, 64, 1), &[]).expect("good");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The display: puts tiles together, acknowledges them, writes the image.
 //!
-//! `state` decides; this shell moves pixels from the nodes to it and the frame to files.
+//! `state` decides; this shell moves pixels from the nodes to it and to the journal, and the frame to files.
 
-mod state;
+pub mod state;
 
 use std::collections::HashMap;
 
@@ -10,9 +10,10 @@ use bytes::BytesMut;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, spawn_blocking};
 
-use self::state::{Action, ConnectionId, Event, Finished, State};
+use self::state::{Action, ConnectionId, Event, Finished, Source, State};
+use crate::journal::{Journal, JournalError, RunId, Subject};
 use crate::processes::{Child, ControlLink, StartError};
-use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Receiver, Sender};
+use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
 use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
@@ -30,6 +31,8 @@ pub enum DisplayError {
     ManagerGone,
     #[error("the manager sent something else than a configuration")]
     NotConfigured,
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The manager knows.
     #[error("{0}")]
     Failed(String),
@@ -40,7 +43,7 @@ type Link = ControlLink<DisplayCommand, DisplayReport>;
 /// Serves until the manager asks for the image, and writes what there is.
 ///
 /// # Errors
-/// The manager is gone, there is no memory for the image, or it cannot be written.
+/// The manager is gone, there is no memory for the image, or image or journal cannot be written.
 pub async fn run(child: Child) -> Result<(), DisplayError> {
     let mut link: Link = child.control(DisplayReport::Heartbeat)?;
     let served = serve(&mut link, &child).await;
@@ -57,17 +60,36 @@ pub async fn run(child: Child) -> Result<(), DisplayError> {
 async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayError> {
     let configuration = match link.commands.recv().await {
         Some(DisplayCommand::Configure(configuration)) => configuration,
-        Some(DisplayCommand::Finish) => return Err(DisplayError::NotConfigured),
+        Some(_) => return Err(DisplayError::NotConfigured),
         None => return Err(DisplayError::ManagerGone),
     };
-    let state = State::new(&configuration).map_err(|error| DisplayError::Failed(error.to_string()))?;
-    let listener = Listener::bind(link.interface, child.bootstrap.token, |role, _| match role {
+    let (state, journal) = restore(link, &configuration, RunId(child.bootstrap.token.run_id())).await?;
+    let listener = Listener::bind(child.interface(link.interface), child.credentials(), |role, _| match role {
         Role::Node(_) => Ok(()),
         _ => Err("a node".to_owned()),
     })
     .await?;
-    report(link, DisplayReport::Listening(listener.address())).await?;
-    Shell::new(state).serve(link, listener, configuration).await
+    let address = child.advertised(listener.address(), link.interface).await?;
+    report(link, DisplayReport::Listening(address)).await?;
+    Shell::new(state, journal).serve(link, listener, configuration).await
+}
+
+/// Begins where the journal ends, and says so. Blocks: nobody is served yet.
+async fn restore(
+    link: &Link,
+    configuration: &DisplayConfiguration,
+    run: RunId,
+) -> Result<(State, Journal), DisplayError> {
+    let mut state = State::new(configuration, run).map_err(|error| DisplayError::Failed(error.to_string()))?;
+    let DisplayConfiguration { tiling, aov, fingerprint, ref journal, resume, .. } = *configuration;
+    let subject = Subject { tiling, aov, fingerprint };
+    let (journal, dropped) = Journal::open(journal, &subject, run, resume, |run, record| state.restore(run, record))?;
+    if let Some(dropped) = dropped {
+        tracing::warn!("{dropped}");
+        report(link, DisplayReport::Incident(dropped)).await?;
+    }
+    report(link, DisplayReport::Restored(state.restored())).await?;
+    Ok((state, journal))
 }
 
 async fn report(link: &Link, report: DisplayReport) -> Result<(), DisplayError> {
@@ -77,6 +99,7 @@ async fn report(link: &Link, report: DisplayReport) -> Result<(), DisplayError> 
 /// The state and the connections it acts through.
 struct Shell {
     state: State,
+    journal: Journal,
     nodes: HashMap<ConnectionId, NodeConnection>,
     connections: u64,
     arrived: mpsc::Receiver<Arrived>,
@@ -87,6 +110,7 @@ struct Shell {
 }
 
 struct NodeConnection {
+    source: Source,
     sender: Sender<ImageReply>,
     reader: AbortHandle,
 }
@@ -105,9 +129,9 @@ enum Arrived {
 }
 
 impl Shell {
-    fn new(state: State) -> Self {
+    fn new(state: State, journal: Journal) -> Self {
         let (arrived_sender, arrived) = mpsc::channel(TILES_MAX);
-        Self { state, nodes: HashMap::new(), connections: 0, arrived, arrived_sender, wire_bytes: 0 }
+        Self { state, journal, nodes: HashMap::new(), connections: 0, arrived, arrived_sender, wire_bytes: 0 }
     }
 
     async fn serve(
@@ -121,39 +145,47 @@ impl Shell {
                 biased;
                 command = link.commands.recv() => match command {
                     Some(DisplayCommand::Finish) => return self.write(configuration).await,
+                    Some(DisplayCommand::Revoke(wrong)) => self.handle(link, Event::Revoke(wrong)).await?,
                     Some(DisplayCommand::Configure(_)) => {
                         self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
                     }
+                    Some(DisplayCommand::Heartbeat) => {}
                     None => return Err(DisplayError::ManagerGone),
                 },
                 Some(arrived) = self.arrived.recv() => match arrived {
                     Arrived::Tile { from, tile, bytes, wire_bytes } => {
                         self.wire_bytes += wire_bytes;
-                        self.handle(link, Event::Tile { from, tile, bytes: &bytes }).await?;
+                        // Nobody is there any more who was dismissed.
+                        if let Some(&NodeConnection { source, .. }) = self.nodes.get(&from) {
+                            self.handle(link, Event::Tile { from, source, tile, bytes: &bytes }).await?;
+                        }
                     }
                     Arrived::Nonsense(what) => self.handle(link, Event::Refused(what)).await?,
                     Arrived::End(node) => drop(self.nodes.remove(&node)),
                 },
                 arrival = listener.arrival() => match arrival {
-                    Ok((_, connection)) => self.admit(connection),
+                    Ok((peer, connection)) => self.admit(&peer, connection),
                     Err(refused) => self.handle(link, Event::Refused(refused.to_string())).await?,
                 },
             }
         }
     }
 
-    fn admit(&mut self, connection: Connection) {
+    fn admit(&mut self, peer: &Peer, connection: Connection) {
+        // Nobody else is let in.
+        let Role::Node(node) = peer.role else { return };
         let id = ConnectionId(self.connections);
         self.connections += 1;
         let (sender, receiver) = connection.split::<ImageReply, TilePixels>();
         let receiver = receiver.with_bulk_bytes_max(self.state.tile_bytes_max());
         let reader = tokio::spawn(read(id, receiver, self.arrived_sender.clone())).abort_handle();
-        self.nodes.insert(id, NodeConnection { sender, reader });
+        self.nodes.insert(id, NodeConnection { source: (node, peer.epoch), sender, reader });
     }
 
     async fn handle(&mut self, link: &Link, event: Event<'_>) -> Result<(), DisplayError> {
         for action in self.state.handle(event) {
             match action {
+                Action::Append(record) => self.journal.append(&record)?,
                 Action::Reply(to, reply) => self.reply(to, &reply).await,
                 Action::Dismiss(node) => drop(self.nodes.remove(&node)),
                 Action::Report(told) => report(link, told).await?,
@@ -175,8 +207,10 @@ impl Shell {
 
     /// Writes whatever tiles there are, in a thread of its own: a large image takes seconds.
     async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
-        let Self { state, wire_bytes, .. } = self;
+        let Self { state, journal, wire_bytes, .. } = self;
         let written = spawn_blocking(move || {
+            // Locked until the image stands.
+            let _journal = journal;
             let Finished { frame, tiles_done, tiles_stale } = state.finish();
             // Before the hash: when a run is interrupted, time is short.
             let written = frame.write(&configuration.image, configuration.exr)?;
@@ -210,3 +244,8 @@ async fn read(from: ConnectionId, mut receiver: Receiver<TilePixels>, arrived: m
     }
     let _ = arrived.send(Arrived::End(from)).await;
 }
+
+#[cfg(test)]
+mod state_tests;
+#[cfg(test)]
+mod tests;

@@ -1,40 +1,64 @@
-//! Which tiles are in the frame buffer. No socket, no file: the shell moves bytes and writes what comes out.
+//! Which tiles are in the frame buffer, and whose. No socket, no file: the shell moves bytes and writes what comes out.
 
-use crate::ids::TileId;
+use std::collections::HashMap;
+
+use sha2::{Digest, Sha256};
+
+use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::image_file::{FrameBuffer, FrameBufferError};
-use crate::protocol::control::{DisplayConfiguration, DisplayReport};
+use crate::journal::{Record, RunId};
+use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, Revocation, TileResult};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::tracer::{Pixels, Rect, Tiling};
 
 /// A connection of a node, numbered as they come.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct ConnectionId(pub(super) u64);
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct ConnectionId(pub u64);
+
+/// Which process traced.
+pub type Source = (NodeId, Epoch);
 
 #[derive(Debug)]
-pub(super) enum Event<'a> {
+pub enum Event<'a> {
     Tile {
         from: ConnectionId,
+        source: Source,
         tile: TilePixels,
         bytes: &'a [u8],
     },
+    /// The manager's: these attempts are wrong.
+    Revoke(Vec<Revocation>),
     /// Somebody was not let in, or spoke nonsense.
     Refused(String),
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub enum Action<'a> {
+    /// To be done before what comes after it.
+    Append(Record<'a>),
     Reply(ConnectionId, ImageReply),
     /// End the connection, after what was replied.
     Dismiss(ConnectionId),
     Report(DisplayReport),
 }
 
+/// Whose pixels are in the frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct Kept {
+    run: RunId,
+    attempt: Attempt,
+    source: Source,
+}
+
 #[derive(Debug)]
-pub(super) struct State {
+pub struct State {
+    run: RunId,
     tiling: Tiling,
     frame: FrameBuffer,
     /// By tile id.
-    done: Vec<bool>,
+    kept: Vec<Option<Kept>>,
+    /// Results of this run up to this attempt are dropped.
+    revoked: HashMap<TileId, Attempt>,
     tiles_done: u32,
     tiles_stale: u64,
 }
@@ -42,25 +66,46 @@ pub(super) struct State {
 impl State {
     /// # Errors
     /// The image is larger than allowed, or than the memory.
-    pub(super) fn new(configuration: &DisplayConfiguration) -> Result<Self, FrameBufferError> {
+    pub fn new(configuration: &DisplayConfiguration, run: RunId) -> Result<Self, FrameBufferError> {
         let DisplayConfiguration { tiling, aov, .. } = *configuration;
         let frame = FrameBuffer::new(tiling.width, tiling.height, aov)?;
-        Ok(Self { tiling, frame, done: vec![false; tiling.tile_count() as usize], tiles_done: 0, tiles_stale: 0 })
+        let kept = vec![None; tiling.tile_count() as usize];
+        Ok(Self { run, tiling, frame, kept, revoked: HashMap::new(), tiles_done: 0, tiles_stale: 0 })
+    }
+
+    /// Takes over what an earlier display appended, in the order in which it did.
+    pub fn restore(&mut self, run: RunId, record: &Record) {
+        match *record {
+            Record::Pixels { tile, attempt, source, planes } => {
+                // Cannot fail: a journal is of this image, and its tiles are whole.
+                let _ = self.keep(tile, Kept { run, attempt, source }, planes);
+            }
+            Record::Revoked { tile, attempt } => drop(self.revoke(run, Revocation { tile, attempt })),
+        }
+    }
+
+    /// A bit a tile that is in the frame: bit i mod 8 of byte i / 8.
+    pub fn restored(&self) -> Vec<u8> {
+        let bits = |tiles: &[Option<Kept>]| {
+            tiles.iter().enumerate().fold(0, |bits, (i, kept)| bits | u8::from(kept.is_some()) << i)
+        };
+        self.kept.chunks(8).map(bits).collect()
     }
 
     /// Bulk bytes of a whole tile: no frame may carry more.
-    pub(super) fn tile_bytes_max(&self) -> usize {
+    pub fn tile_bytes_max(&self) -> usize {
         let pixels = self.tiling.rect(TileId(0)).map_or(0, Rect::pixel_count);
         Pixels::byte_len(pixels, self.frame.aov())
     }
 
     /// What is to be done about an event, in order.
-    pub(super) fn handle(&mut self, event: Event) -> Vec<Action> {
+    pub fn handle<'a>(&mut self, event: Event<'a>) -> Vec<Action<'a>> {
         match event {
-            Event::Tile { from, tile: pixels, bytes } => match self.composite(&pixels, bytes) {
-                Ok(()) => {
+            Event::Tile { from, source, tile: pixels, bytes } => match self.take(source, &pixels, bytes) {
+                Ok(first) => {
                     let TilePixels { tile, attempt, .. } = pixels;
-                    vec![Action::Reply(from, ImageReply::Acknowledged { tile, attempt })]
+                    let acknowledge = Action::Reply(from, ImageReply::Acknowledged { tile, attempt });
+                    first.into_iter().chain([acknowledge]).collect()
                 }
                 Err(why) => {
                     let why = format!("{}, {}: {why}", pixels.tile, pixels.attempt);
@@ -68,122 +113,101 @@ impl State {
                     vec![Action::Reply(from, ImageReply::Refused(why)), Action::Dismiss(from), incident]
                 }
             },
+            Event::Revoke(revocations) => {
+                let revoke = |revocation: &Revocation| self.revoke(self.run, *revocation).then_some(*revocation);
+                let news: Vec<Revocation> = revocations.iter().filter_map(revoke).collect();
+                let append = |Revocation { tile, attempt }| Action::Append(Record::Revoked { tile, attempt });
+                let told = Action::Report(DisplayReport::Revoked(revocations));
+                news.into_iter().map(append).chain([told]).collect()
+            }
             Event::Refused(who) => vec![Action::Report(DisplayReport::Incident(who))],
         }
     }
 
-    /// Takes a tile once; later results are counted and dropped. Says what is wrong with anything else.
-    fn composite(&mut self, pixels: &TilePixels, bytes: &[u8]) -> Result<(), String> {
-        let (rect, done) = match (self.tiling.rect(pixels.tile), self.done.get_mut(pixels.tile.0 as usize)) {
-            (Some(rect), Some(done)) => (rect, done),
-            _ => return Err(format!("the image has {} tiles", self.tiling.tile_count())),
-        };
+    /// What is to be done before a result is acknowledged: the first one of a tile is kept, later ones are held against
+    /// it. Says what is wrong with anything else.
+    fn take<'a>(&mut self, source: Source, pixels: &TilePixels, bytes: &'a [u8]) -> Result<Option<Action<'a>>, String> {
+        let TilePixels { tile, attempt, crc32c } = *pixels;
+        let rect = self.tiling.rect(tile).ok_or_else(|| format!("the image has {} tiles", self.tiling.tile_count()))?;
         let found = crc32c::crc32c(bytes);
-        if found != pixels.crc32c {
-            return Err(format!("its pixels have crc32c {found:08x}, expected {:08x}", pixels.crc32c));
+        if found != crc32c {
+            return Err(format!("its pixels have crc32c {found:08x}, expected {crc32c:08x}"));
         }
-        if *done {
+        let expected = Pixels::byte_len(rect.pixel_count(), self.frame.aov());
+        if bytes.len() != expected {
+            return Err(format!("its pixels have {} bytes, expected {expected}", bytes.len()));
+        }
+        if self.revoked.get(&tile).is_some_and(|revoked| attempt <= *revoked) {
             self.tiles_stale += 1;
-            return Ok(());
+            return Ok(None);
         }
-        self.frame.blit_bytes(rect, bytes).map_err(|error| error.to_string())?;
-        *done = true;
+        let this = Kept { run: self.run, attempt, source };
+        match self.kept[tile.0 as usize] {
+            None => {
+                self.keep(tile, this, bytes).map_err(|error| error.to_string())?;
+                Ok(Some(Action::Append(Record::Pixels { tile, attempt, source, planes: bytes })))
+            }
+            // Sent again, as its acknowledgement was lost.
+            Some(kept) if kept == this => Ok(None),
+            Some(kept) => {
+                self.tiles_stale += 1;
+                let kept = self.result(rect, kept);
+                let other = TileResult { attempt, source: Some(source), digest: Sha256::digest(bytes).into() };
+                Ok(Some(Action::Report(DisplayReport::Compared(Comparison { tile, kept, other }))))
+            }
+        }
+    }
+
+    /// The first result of a tile goes into the frame; a later one changes nothing.
+    fn keep(&mut self, tile: TileId, from: Kept, planes: &[u8]) -> Result<(), FrameBufferError> {
+        let (Some(rect), Some(kept @ None)) = (self.tiling.rect(tile), self.kept.get_mut(tile.0 as usize)) else {
+            return Ok(());
+        };
+        self.frame.blit_bytes(rect, planes)?;
+        *kept = Some(from);
         self.tiles_done += 1;
         Ok(())
     }
 
+    /// What is in the frame of a tile, taken from there: nothing is kept twice.
+    fn result(&self, rect: Rect, kept: Kept) -> TileResult {
+        let mut digest = Sha256::new();
+        self.frame.rows(rect).for_each(|row| digest.update(row));
+        TileResult {
+            attempt: kept.attempt,
+            source: (kept.run == self.run).then_some(kept.source),
+            digest: digest.finalize().into(),
+        }
+    }
+
+    /// Whether it makes a difference.
+    fn revoke(&mut self, run: RunId, Revocation { tile, attempt }: Revocation) -> bool {
+        let (Some(rect), Some(kept)) = (self.tiling.rect(tile), self.kept.get_mut(tile.0 as usize)) else {
+            return false;
+        };
+        // Attempts of an earlier run come before all of a later one.
+        let undone = kept.take_if(|kept| kept.run != run || kept.attempt <= attempt).is_some();
+        if undone {
+            self.frame.clear(rect);
+            self.tiles_done -= 1;
+        }
+        let raised = run == self.run && self.revoked.get(&tile).is_none_or(|before| *before < attempt);
+        if raised {
+            self.revoked.insert(tile, attempt);
+        }
+        undone || raised
+    }
+
     /// What there is, whole or partial.
-    pub(super) fn finish(self) -> Finished {
+    pub fn finish(self) -> Finished {
         Finished { frame: self.frame, tiles_done: self.tiles_done, tiles_stale: self.tiles_stale }
     }
 }
 
 #[derive(Debug)]
-pub(super) struct Finished {
-    pub(super) frame: FrameBuffer,
-    pub(super) tiles_done: u32,
-    /// Results for tiles that were done already.
-    pub(super) tiles_stale: u64,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ids::Attempt;
-    use crate::tracer::AovSet;
-
-    const NODE: ConnectionId = ConnectionId(3);
-
-    fn state() -> State {
-        State::new(&DisplayConfiguration {
-            tiling: Tiling { width: 5, height: 4, tile_width: 3, tile_height: 2 },
-            aov: AovSet { depth: true, ..AovSet::default() },
-            image: "image.png".into(),
-            exr: false,
-        })
-        .expect("a small image")
-    }
-
-    /// A tile of one colour; the upper left one is 3x2.
-    fn tile(pixels: usize, grey: f32) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        Pixels { colour: vec![[grey; 3]; pixels], depth: vec![1.0; pixels], ..Pixels::default() }
-            .write_bytes(&mut bytes);
-        bytes
-    }
-
-    fn send(state: &mut State, tile: u32, attempt: u32, bytes: &[u8]) -> Vec<Action> {
-        let tile = TilePixels { tile: TileId(tile), attempt: Attempt(attempt), crc32c: crc32c::crc32c(bytes) };
-        state.handle(Event::Tile { from: NODE, tile, bytes })
-    }
-
-    fn acknowledged(tile: u32, attempt: u32) -> Vec<Action> {
-        let (tile, attempt) = (TileId(tile), Attempt(attempt));
-        vec![Action::Reply(NODE, ImageReply::Acknowledged { tile, attempt })]
-    }
-
-    fn refusal(actions: &[Action]) -> &str {
-        match actions {
-            [Action::Reply(NODE, ImageReply::Refused(why)), Action::Dismiss(NODE), Action::Report(_)] => why,
-            other => panic!("no refusal: {other:?}"),
-        }
-    }
-
-    #[test]
-    fn a_tile_is_composited_once_and_acknowledged_always() {
-        let mut state = state();
-        assert_eq!(send(&mut state, 0, 0, &tile(6, 0.25)), acknowledged(0, 0));
-        // Not even looked at: another colour would show.
-        assert_eq!(send(&mut state, 0, 1, &tile(6, 0.75)), acknowledged(0, 1));
-        let Finished { frame, tiles_done, tiles_stale } = state.finish();
-        assert_eq!((tiles_done, tiles_stale), (1, 1));
-        assert_eq!(frame.pixels().colour[0], [0.25; 3]);
-        assert_eq!(frame.pixels().colour[3], [0.0; 3]);
-    }
-
-    #[test]
-    fn the_order_of_tiles_does_not_change_the_hash() {
-        let sizes = [6, 4, 6, 4];
-        let hash = |order: [u32; 4]| {
-            let mut state = state();
-            for id in order {
-                assert_eq!(send(&mut state, id, 0, &tile(sizes[id as usize], id as f32)), acknowledged(id, 0));
-            }
-            state.finish().frame.sha256()
-        };
-        assert_eq!(hash([0, 1, 2, 3]), hash([3, 1, 0, 2]));
-        assert_eq!(hash([0, 1, 2, 3]).len(), 64);
-    }
-
-    #[test]
-    fn what_is_not_a_tiles_pixels_is_refused() {
-        let mut state = state();
-        assert!(refusal(&send(&mut state, 4, 0, &tile(6, 0.0))).contains("the image has 4 tiles"));
-        // The right column's tiles are 2 pixels wide.
-        assert!(refusal(&send(&mut state, 1, 0, &tile(6, 0.0))).contains("do not fill"));
-        let torn = TilePixels { tile: TileId(0), attempt: Attempt(2), crc32c: 1 };
-        let actions = state.handle(Event::Tile { from: NODE, tile: torn, bytes: &tile(6, 0.0) });
-        assert!(refusal(&actions).starts_with("tile 0, attempt 2: its pixels have crc32c"));
-        assert_eq!(state.finish().tiles_done, 0);
-    }
+pub struct Finished {
+    pub frame: FrameBuffer,
+    pub tiles_done: u32,
+    /// Results for tiles that were done already, and of attempts that were revoked.
+    pub tiles_stale: u64,
 }

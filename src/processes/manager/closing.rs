@@ -11,7 +11,7 @@ use crate::machine::local_memory::Geometry;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
 use crate::protocol::control::Packets;
-use crate::report::conservation::{Books, Check, Conservation, NodeBook};
+use crate::report::conservation::{Books, Check, ClusterBook, Conservation, NodeBook};
 use crate::report::{
     Bus, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests,
     Tiles,
@@ -58,14 +58,15 @@ pub(super) fn local_bytes(topology: &Topology, layout: &Layout) -> Result<u64, R
 }
 
 /// `recorded`: checks of the recording besides those of the books.
-pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, total: Duration) -> Report {
+pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed: Duration) -> Report {
     let (ledger, queue, image) = (&state.ledger, &state.queue, &state.plan.view.image);
+    let total = ledger.total();
     let line_bytes = state.plan.cluster.local_memory.line;
     let counted = counted(state);
     let (status, error) = status(state.over());
     let kernel = kernel(state);
     let (octree, tests) = match kernel {
-        Some(Kernel::Single) => (facts.octree.with_accesses(&ledger.trace), Some(Tests::new(&ledger.trace))),
+        Some(Kernel::Single) => (facts.octree.with_accesses(&total.trace), Some(Tests::new(&total.trace))),
         _ => (facts.octree, None),
     };
     let render = ledger.last_tile.zip(ledger.first_tile).map_or(Duration::ZERO, |(last, first)| last - first);
@@ -79,19 +80,27 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, total: D
             width: image.width,
             height: image.height,
             sha256: ledger.display.as_ref().map(|display| display.sha256.clone()),
-            non_finite_pixels: ledger.trace.non_finite_pixels,
+            non_finite_pixels: total.trace.non_finite_pixels,
             files: ledger.display.as_ref().map_or_else(Vec::new, |display| display.written.clone()),
         },
         kernel,
-        rays: Rays::new(&ledger.trace),
+        rays: Rays::new(&total.trace),
         octree,
         tests,
         tiles: Some(Tiles {
             total: u64::from(queue.total()),
             done: u64::from(queue.total() - queue.missing()),
             reissued: queue.reissued(),
-            stale: ledger.master.map_or(0, |master| master.attempts_stale)
+            stale: ledger
+                .books
+                .values()
+                .filter_map(|book| book.master)
+                .map(|master| master.attempts_stale)
+                .sum::<u64>()
                 + ledger.display.as_ref().map_or(0, |display| display.tiles_stale),
+            resumed: u64::from(ledger.resumed),
+            verified: state.verification.verified(),
+            disagreements: state.verification.disagreements(),
         }),
         nodes: nodes(state, line_bytes),
         memory: (!counted.is_empty()).then(|| {
@@ -99,23 +108,16 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, total: D
             counted.iter().for_each(|book| all.add(&book.memory));
             Memory::new(&all, line_bytes, facts.local_bytes)
         }),
-        bus: ledger.bus.map(|bus| Bus {
-            transactions: bus.transactions,
-            fetches: bus.fetches,
-            bytes: bus.fetched_bytes + bus.bulk_bytes,
-            message_bytes: bus.message_bytes,
-            wire_bytes: bus.wire_bytes,
-            log_rows: bus.log_rows,
-            log_waits: bus.log_waits,
-        }),
+        bus: bus(state),
         conservation: conservation(state, &counted, line_bytes).map(|books| books.and(recorded)),
         incidents: ledger.incidents(),
+        chaos: None,
         seconds: Seconds {
             load: facts.load.as_secs_f64(),
             octree: facts.build.as_secs_f64(),
             render: render.as_secs_f64(),
-            render_cpu: Duration::from_nanos(ledger.render_cpu_nanoseconds).as_secs_f64(),
-            total: total.as_secs_f64(),
+            render_cpu: Duration::from_nanos(total.render_cpu_nanoseconds).as_secs_f64(),
+            total: elapsed.as_secs_f64(),
         },
     }
 }
@@ -139,36 +141,58 @@ fn kernel(state: &State) -> Option<Kernel> {
     }
 }
 
+/// What crossed the buses that lived to tell; `None` where none did.
+fn bus(state: &State) -> Option<Bus> {
+    let totals = state.ledger.books.values().filter_map(|book| book.bus);
+    totals.map(Bus::from).reduce(Bus::and)
+}
+
 /// The nodes that counted accesses.
 fn counted(state: &State) -> Vec<NodeBook> {
-    let accounts = state.ledger.nodes.iter().enumerate();
-    let book = accounts.filter_map(|(node, account)| {
-        Some(NodeBook { node: NodeId(node as u16), trace: account.trace.clone(), memory: account.memory.clone()? })
-    });
+    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let book = (0..)
+        .map(NodeId)
+        .zip(accounts)
+        .filter_map(|(node, account)| Some(NodeBook { node, trace: account.trace, memory: account.memory? }));
     book.collect()
 }
 
 fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
-    let accounts = state.ledger.nodes.iter().enumerate();
-    let node = accounts.map(|(node, account)| Node {
-        id: node as u16,
+    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let node = (0..).zip(accounts).map(|(id, account)| Node {
+        id,
         tiles: account.tiles,
         memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, line_bytes)),
     });
     node.collect()
 }
 
-/// `None` when bus or master did not live to close its books.
+/// Who owes whom; `None` when no bus and no master lived to close its books.
+pub(super) fn books(state: &State) -> Option<Conservation> {
+    conservation(state, &counted(state), state.plan.cluster.local_memory.line)
+}
+
+/// `None` when no bus and no master lived to close its books.
 fn conservation(state: &State, nodes: &[NodeBook], line_bytes: u32) -> Option<Conservation> {
     let (ledger, queue) = (&state.ledger, &state.queue);
+    let is_alone = ledger.books.len() == 1;
+    let clusters = ledger.books.iter().map(|((cluster, epoch), book)| ClusterBook {
+        name: if is_alone { String::new() } else { format!("{cluster} ({epoch}): ") },
+        told_done: book.told_done,
+        missed: book.missed,
+        told_lost: book.lost.len() as u64,
+        bus: book.bus,
+        master: book.master,
+    });
+    let clusters: Vec<_> = clusters.collect();
+    clusters.iter().find(|book| book.bus.is_some() || book.master.is_some())?;
     Some(Conservation::of(&Books {
         nodes,
+        clusters: &clusters,
         line_bytes,
-        bus: ledger.bus?,
-        master: ledger.master?,
         tiles_total: u64::from(queue.total()),
-        tiles_done: ledger.nodes.iter().map(|account| account.tiles).sum(),
+        tiles_done: ledger.total().tiles,
+        tiles_resumed: u64::from(ledger.resumed),
         tiles_missing: u64::from(queue.missing()),
-        attempts_lost: ledger.lost.len() as u64,
     }))
 }

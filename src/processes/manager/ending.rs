@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use super::Interrupt;
-use super::process::{Process, ProcessId, Stage};
+use super::process::{Process, Stage};
 use super::state::{Phase, State};
 use crate::protocol::hello::Role;
 
@@ -24,7 +24,7 @@ pub(super) enum Cause {
     /// All nodes are set aside.
     NoNodes,
     Interrupted(Interrupt),
-    /// A process that cannot be replaced died; which, and how.
+    /// A process that cannot be replaced died, which, and how; or the image cannot be vouched for.
     Failed(String),
 }
 
@@ -47,6 +47,11 @@ enum Step {
 }
 
 impl State {
+    /// Whether all that is left to do is to close the books and write the image.
+    pub(super) fn is_ending_in_peace(&self) -> bool {
+        matches!(&self.phase, Phase::Ending(Ending { cause: Cause::Complete | Cause::NoNodes, .. }))
+    }
+
     /// Begins the end.
     pub(super) fn end(&mut self, cause: Cause) {
         let deadline = self.now + self.patience(&cause, Step::Nodes);
@@ -55,16 +60,16 @@ impl State {
         let nodes: Vec<_> = self.table.nodes().map(|node| (node.id, node.stage)).collect();
         for (id, stage) in nodes {
             match stage {
-                Stage::Serving | Stage::Working if gently => self.tell_to_finish(id),
+                Stage::Connected | Stage::Serving | Stage::Working if gently => self.tell_to_finish(id),
                 _ => self.dismiss(id),
             }
         }
     }
 
-    /// A process that cannot be replaced is dead, or a part of the run impossible.
+    /// The run cannot go on, and why.
     pub(super) fn fail(&mut self, why: String) {
         match &mut self.phase {
-            Phase::Starting | Phase::Running => self.end(Cause::Failed(why)),
+            Phase::Running => self.end(Cause::Failed(why)),
             // The first failure is the cause of the others; a signal explains them all.
             Phase::Ending(ending) if matches!(ending.cause, Cause::Complete | Cause::NoNodes) => {
                 ending.cause = Cause::Failed(why);
@@ -78,7 +83,7 @@ impl State {
     pub(super) fn interrupt(&mut self, signal: Interrupt) {
         self.ledger.incident(self.now, format!("interrupted by {signal}"));
         match &mut self.phase {
-            Phase::Starting | Phase::Running => self.end(Cause::Interrupted(signal)),
+            Phase::Running => self.end(Cause::Interrupted(signal)),
             Phase::Ending(ending) if matches!(ending.cause, Cause::Complete | Cause::NoNodes) => {
                 ending.cause = Cause::Interrupted(signal);
                 ending.deadline = ending.deadline.min(self.now + INTERRUPTED_DEADLINE);
@@ -96,17 +101,19 @@ impl State {
     pub(super) fn advance_ending(&mut self) {
         while let Phase::Ending(ending) = &self.phase {
             let step = ending.step;
+            if step != Step::Nodes {
+                self.finish_display();
+            }
             if self.table.iter().any(|process| keeps_waiting(process, step)) {
                 return;
             }
             let next = match step {
                 Step::Nodes => {
-                    self.finish_or_kill(Role::Master);
-                    self.finish_or_kill(Role::Display);
+                    self.finish_or_kill(|role| matches!(role, Role::Master(_)));
                     Step::Master
                 }
                 Step::Master => {
-                    self.finish_or_kill(Role::Bus);
+                    self.finish_or_kill(|role| matches!(role, Role::Bus(_)));
                     Step::Books
                 }
                 Step::Books => Step::Farewell,
@@ -158,11 +165,28 @@ impl State {
         }
     }
 
-    fn finish_or_kill(&mut self, role: Role) {
-        let id = ProcessId::first(role);
-        match self.table.get_mut(id) {
-            Some(process) if process.stage == Stage::Serving => self.tell_to_finish(id),
-            Some(process) if process.stage < Stage::Serving => self.dismiss(id),
+    fn finish_or_kill(&mut self, chosen: fn(Role) -> bool) {
+        let chosen = self.table.iter().filter(|process| chosen(process.id.role));
+        let chosen: Vec<_> = chosen.map(|process| (process.id, process.stage)).collect();
+        for (id, stage) in chosen {
+            match stage {
+                Stage::Serving => self.tell_to_finish(id),
+                stage if stage < Stage::Serving => self.dismiss(id),
+                _ => {}
+            }
+        }
+    }
+
+    /// Asks the display for the image, once; one that came in the place of another must be there first.
+    fn finish_display(&mut self) {
+        let id = self.display_process();
+        let in_peace = self.is_ending_in_peace();
+        match self.table.get_mut(id).map(|display| display.stage) {
+            Some(Stage::Serving) => {
+                self.tell_to_finish(id);
+                self.enter(id, Stage::Working);
+            }
+            Some(Stage::Spawned | Stage::Connected) if !in_peace => self.dismiss(id),
             _ => {}
         }
     }
@@ -184,7 +208,7 @@ fn keeps_waiting(process: &Process, step: Step) -> bool {
     let open = process.stage < Stage::Finished;
     match step {
         Step::Nodes => process.id.node().is_some(),
-        Step::Master => process.id.role == Role::Master && open,
+        Step::Master => matches!(process.id.role, Role::Master(_)) && open,
         Step::Books => open,
         Step::Farewell => true,
     }

@@ -1,22 +1,35 @@
-//! The manager's job queue: which tile waits, which is out, which is done.
+//! The manager's job queue: which tile waits, which is out, which is done, and which are to be done twice.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
-use crate::ids::{Attempt, NodeId, TileId};
-use crate::protocol::control::{LostAttempt, TileGrant};
+use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::protocol::control::{LostAttempt, Revocation, TileGrant};
 use crate::tile_order;
-use crate::topology::{Assignment, Run};
+use crate::topology::{Assignment, Cluster, Run};
 use crate::tracer::Tiling;
+
+/// A tile is a straggler when it has been out for longer than this, and for longer than [`STRAGGLE_FACTOR`] times
+/// what tiles take on average.
+const STRAGGLE_MIN: Duration = Duration::from_millis(500);
+const STRAGGLE_FACTOR: u32 = 3;
 
 /// Tiles in order, in one lane from which all nodes are served, or in one lane a node.
 #[derive(Debug)]
 pub(super) struct JobQueue {
+    clusters: Cluster,
     lanes: Vec<Lane>,
     tiles: Vec<Tile>,
-    /// How many more tiles the master can take.
-    wanted: u32,
+    out: BTreeMap<(TileId, Attempt), Out>,
+    /// Waiting to be done once more, by other nodes than these.
+    checks: VecDeque<(TileId, Vec<NodeId>)>,
     missing: u32,
     reissued: u64,
+    /// Whether stragglers are handed out a second time.
+    duplicates: bool,
+    /// From issue to completion, of all accepted tiles.
+    taken: Duration,
+    accepted: u32,
 }
 
 #[derive(Debug)]
@@ -24,7 +37,7 @@ struct Lane {
     /// The only node that may trace these tiles; `None`: any.
     node: Option<NodeId>,
     waiting: VecDeque<TileId>,
-    /// Tiles that the master has and that are not done.
+    /// Tiles that masters have and that are not done.
     out: u32,
 }
 
@@ -32,33 +45,74 @@ struct Lane {
 struct Tile {
     lane: u16,
     place: Place,
-    /// The attempt that is out, or the next one.
-    attempt: Attempt,
+    /// Attempts so far: the number of the next one.
+    attempts: u32,
+    /// Results of earlier attempts than this one do not count.
+    valid_from: u32,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Place {
     Waiting,
+    /// With a master or more.
     Out,
-    Done,
+    Done {
+        attempt: Attempt,
+        /// `None`: before this run, as the journal says.
+        by: Option<(NodeId, Epoch)>,
+    },
+    /// What the display holds is wrong; it has not confirmed yet that it forgets it.
+    Revoked,
+}
+
+#[derive(Clone, Debug)]
+struct Out {
+    cluster: ClusterId,
+    since: Duration,
+    kind: Kind,
+}
+
+#[derive(Clone, PartialEq, Eq, Debug)]
+enum Kind {
+    Render,
+    /// The tile is a straggler; this is its second attempt at a time.
+    Duplicate,
+    /// The tile is done: this one is compared with it. Not for these nodes.
+    Check(Vec<NodeId>),
+}
+
+/// What a completion means.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Completion {
+    /// The tile is done by it.
+    Accepted,
+    /// It was to be compared with what is there, or the tile was done already.
+    Extra,
+    /// It was not out.
+    Unknown,
 }
 
 impl JobQueue {
-    /// `nodes` is at least 1.
-    pub(super) fn new(run: &Run, tiling: Tiling, nodes: u16) -> Self {
+    pub(super) fn new(run: &Run, tiling: Tiling, clusters: Cluster) -> Self {
         let order = tile_order::tiles(run.order, tiling, run.seed);
         let nodes_of_lanes: Vec<_> = match run.assignment {
             Assignment::OnDemand => vec![None],
-            Assignment::Interleaved => (0..nodes).map(|node| Some(NodeId(node))).collect(),
+            Assignment::Interleaved => (0..clusters.all_nodes()).map(|node| Some(NodeId(node))).collect(),
         };
         let lanes = nodes_of_lanes.into_iter().map(|node| Lane { node, waiting: VecDeque::new(), out: 0 });
-        let waiting = Tile { lane: 0, place: Place::Waiting, attempt: Attempt(0) };
+        let waiting = Tile { lane: 0, place: Place::Waiting, attempts: 0, valid_from: 0 };
         let mut queue = Self {
+            clusters,
             lanes: lanes.collect(),
             tiles: vec![waiting; order.len()],
-            wanted: 0,
+            out: BTreeMap::new(),
+            checks: VecDeque::new(),
             missing: order.len() as u32,
             reissued: 0,
+            // Counts that are to be reproduced must not depend on who was slow.
+            duplicates: run.assignment == Assignment::OnDemand,
+            taken: Duration::ZERO,
+            accepted: 0,
         };
         let lane_count = queue.lanes.len();
         for (i, tile) in order.into_iter().enumerate() {
@@ -78,10 +132,47 @@ impl JobQueue {
         self.missing
     }
 
+    /// Attempts that masters have.
+    pub(super) fn out(&self) -> usize {
+        self.out.len()
+    }
+
+    /// Whether all is done, and nobody works on anything.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
+    }
+
+    /// How a tile stands, for whoever looks for a fault here.
+    pub(super) fn describe(&self, tile: TileId) -> String {
+        let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
+        format!("{tile}: {:?}, out {out:?}", self.tiles.get(tile.0 as usize))
+    }
+
+    /// Checks that no master has yet.
+    pub(super) fn waiting_checks(&self) -> usize {
+        self.checks.len()
+    }
+
     /// The attempt at a tile that is part of the image.
     pub(super) fn accepted(&self, tile: TileId) -> Option<Attempt> {
-        let tile = self.tiles.get(tile.0 as usize)?;
-        (tile.place == Place::Done).then_some(tile.attempt)
+        match self.tiles.get(tile.0 as usize)?.place {
+            Place::Done { attempt, .. } => Some(attempt),
+            _ => None,
+        }
+    }
+
+    /// Who did a tile that is part of the image.
+    pub(super) fn producer(&self, tile: TileId) -> Option<(NodeId, Epoch)> {
+        match self.tiles.get(tile.0 as usize)?.place {
+            Place::Done { by, .. } => by,
+            _ => None,
+        }
+    }
+
+    /// The tiles of the image that a process has done.
+    pub(super) fn tiles_by(&self, process: (NodeId, Epoch)) -> Vec<TileId> {
+        let ids = (0..self.total()).map(TileId);
+        ids.filter(|&tile| self.producer(tile) == Some(process)).collect()
     }
 
     /// Attempts after a tile's first.
@@ -89,45 +180,149 @@ impl JobQueue {
         self.reissued
     }
 
-    /// The master can take so many more tiles, though there may not be as many: a tile that is lost is one more.
-    pub(super) fn want(&mut self, tiles: u32) {
-        self.wanted = self.wanted.saturating_add(tiles);
-    }
-
-    /// What the master is to get now. Lanes with the fewest tiles out come first, so that no node's share of
-    /// the master's queue grows at the cost of another's.
-    pub(super) fn grants(&mut self) -> Vec<TileGrant> {
+    /// What the master of a cluster is to get now, so many tiles at most; `available` are its nodes that are not set
+    /// aside. Lanes with the fewest tiles out come first, so that no node's share of the master's queue grows at the
+    /// cost of another's.
+    pub(super) fn grants(
+        &mut self,
+        cluster: ClusterId,
+        wanted: u32,
+        available: &[NodeId],
+        now: Duration,
+    ) -> Vec<TileGrant> {
         let mut grants = Vec::new();
-        while self.wanted > 0 {
-            let with_tiles = self.lanes.iter_mut().filter(|lane| !lane.waiting.is_empty());
-            let Some(lane) = with_tiles.min_by_key(|lane| lane.out) else { break };
-            let Some(id) = lane.waiting.pop_front() else { break };
-            lane.out += 1;
-            let tile = &mut self.tiles[id.0 as usize];
-            tile.place = Place::Out;
-            self.wanted -= 1;
-            self.reissued += u64::from(tile.attempt > Attempt(0));
-            grants.push(TileGrant { tile: id, attempt: tile.attempt, node: lane.node });
+        while grants.len() < wanted as usize {
+            let grant = self
+                .next_check(available)
+                .or_else(|| self.next_waiting(cluster))
+                .or_else(|| self.next_straggler(cluster, available, now));
+            let Some((tile, node, kind)) = grant else { break };
+            grants.push(self.issue(tile, node, Out { cluster, since: now, kind }));
         }
         grants
     }
 
-    /// Whether that attempt was out; the tile is done then.
-    pub(super) fn finish(&mut self, tile: TileId, attempt: Attempt) -> bool {
-        let Some(lane) = self.take_back(tile, attempt, Place::Done) else { return false };
-        self.lanes[usize::from(lane)].out -= 1;
+    fn next_check(&mut self, available: &[NodeId]) -> Option<(TileId, Option<NodeId>, Kind)> {
+        let suits = |except: &[NodeId]| available.iter().any(|node| !except.contains(node));
+        let place = self.checks.iter().position(|(_, except)| suits(except))?;
+        let (tile, except) = self.checks.remove(place)?;
+        Some((tile, None, Kind::Check(except)))
+    }
+
+    fn next_waiting(&mut self, cluster: ClusterId) -> Option<(TileId, Option<NodeId>, Kind)> {
+        let clusters = self.clusters;
+        let may_take = |lane: &Lane| lane.node.is_none_or(|node| clusters.of(node) == cluster);
+        let lanes = self.lanes.iter_mut().filter(|lane| !lane.waiting.is_empty() && may_take(lane));
+        let lane = lanes.min_by_key(|lane| lane.out)?;
+        let tile = lane.waiting.pop_front()?;
+        lane.out += 1;
+        self.tiles[tile.0 as usize].place = Place::Out;
+        Some((tile, lane.node, Kind::Render))
+    }
+
+    /// The tile that has been out for longest, if that is long and nobody else has it.
+    fn next_straggler(
+        &self,
+        cluster: ClusterId,
+        available: &[NodeId],
+        now: Duration,
+    ) -> Option<(TileId, Option<NodeId>, Kind)> {
+        if !self.duplicates || self.accepted == 0 || self.lanes.iter().any(|lane| !lane.waiting.is_empty()) {
+            return None;
+        }
+        let patience = STRAGGLE_MIN.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
+        // A done tile's other attempt may still be out; so may one that was revoked.
+        let is_alone = |tile: TileId| self.tiles[tile.0 as usize].place == Place::Out && self.out_of(tile).count() == 1;
+        let late = self.out.iter().filter(|((tile, _), out)| {
+            // A cluster of one node cannot help itself.
+            let others = out.cluster != cluster || available.len() > 1;
+            out.kind == Kind::Render && others && now.saturating_sub(out.since) > patience && is_alone(*tile)
+        });
+        let (&(tile, _), _) = late.min_by_key(|(_, out)| out.since)?;
+        Some((tile, None, Kind::Duplicate))
+    }
+
+    fn out_of(&self, tile: TileId) -> impl Iterator<Item = (&(TileId, Attempt), &Out)> {
+        self.out.range((tile, Attempt(0))..=(tile, Attempt(u32::MAX)))
+    }
+
+    fn issue(&mut self, tile: TileId, node: Option<NodeId>, out: Out) -> TileGrant {
+        let attempts = &mut self.tiles[tile.0 as usize].attempts;
+        let attempt = Attempt(*attempts);
+        *attempts += 1;
+        let except = match &out.kind {
+            Kind::Check(except) => except.clone(),
+            kind => {
+                self.reissued += u64::from(attempt > Attempt(0) && *kind != Kind::Duplicate);
+                Vec::new()
+            }
+        };
+        self.out.insert((tile, attempt), out);
+        TileGrant { tile, attempt, node, except }
+    }
+
+    /// An attempt is complete, and the display has its pixels.
+    pub(super) fn complete(
+        &mut self,
+        tile: TileId,
+        attempt: Attempt,
+        by: (NodeId, Epoch),
+        now: Duration,
+    ) -> Completion {
+        let Some(out) = self.out.remove(&(tile, attempt)) else { return Completion::Unknown };
+        let entry = &mut self.tiles[tile.0 as usize];
+        let is_awaited = matches!(entry.place, Place::Out | Place::Waiting);
+        if !is_awaited || attempt.0 < entry.valid_from || matches!(out.kind, Kind::Check(_)) {
+            return Completion::Extra;
+        }
+        let lane = &mut self.lanes[usize::from(entry.lane)];
+        match entry.place {
+            Place::Out => lane.out -= 1,
+            // Its other attempt was lost, this one was not.
+            _ => lane.waiting.retain(|&waiting| waiting != tile),
+        }
+        entry.place = Place::Done { attempt, by: Some(by) };
         self.missing -= 1;
+        self.taken += now.saturating_sub(out.since);
+        self.accepted += 1;
+        Completion::Accepted
+    }
+
+    /// An attempt came to nothing: the tile waits again, ahead of the others, unless somebody else has it.
+    pub(super) fn lose(&mut self, tile: TileId, attempt: Attempt) -> bool {
+        let Some(out) = self.out.remove(&(tile, attempt)) else { return false };
+        let valid_from = Attempt(self.tiles[tile.0 as usize].valid_from);
+        let valid = self.out.range((tile, valid_from)..=(tile, Attempt(u32::MAX)));
+        let is_out = valid.into_iter().any(|(_, other)| !matches!(other.kind, Kind::Check(_)));
+        let entry = &mut self.tiles[tile.0 as usize];
+        match out.kind {
+            _ if attempt < valid_from => {}
+            Kind::Check(except) => self.checks.push_front((tile, except)),
+            _ if entry.place == Place::Out && !is_out => {
+                entry.place = Place::Waiting;
+                let lane = &mut self.lanes[usize::from(entry.lane)];
+                lane.out -= 1;
+                lane.waiting.push_front(tile);
+            }
+            _ => {}
+        }
         true
     }
 
-    /// Whether that attempt was out; the tile waits again then, ahead of the others.
-    pub(super) fn lose(&mut self, lost: LostAttempt) -> bool {
-        let Some(lane) = self.take_back(lost.tile, lost.attempt, Place::Waiting) else { return false };
-        self.tiles[lost.tile.0 as usize].attempt.0 += 1;
-        let lane = &mut self.lanes[usize::from(lane)];
-        lane.out -= 1;
-        lane.waiting.push_front(lost.tile);
-        true
+    /// The attempts that a cluster has not told the end of.
+    pub(super) fn open(&self, cluster: ClusterId) -> impl Iterator<Item = LostAttempt> {
+        let of_cluster = self.out.iter().filter(move |(_, out)| out.cluster == cluster);
+        of_cluster.map(|(&(tile, attempt), _)| LostAttempt { tile, attempt })
+    }
+
+    /// A cluster is dead with all that it had.
+    pub(super) fn lose_cluster(&mut self, cluster: ClusterId) -> usize {
+        let lost: Vec<_> = self.out.iter().filter(|(_, out)| out.cluster == cluster).map(|(&id, _)| id).collect();
+        // From behind, so that the first tile is the first in its lane again.
+        for &(tile, attempt) in lost.iter().rev() {
+            self.lose(tile, attempt);
+        }
+        lost.len()
     }
 
     /// The node will not come back: its tiles are anybody's.
@@ -135,13 +330,95 @@ impl JobQueue {
         self.lanes.iter_mut().filter(|lane| lane.node == Some(node)).for_each(|lane| lane.node = None);
     }
 
-    fn take_back(&mut self, tile: TileId, attempt: Attempt, place: Place) -> Option<u16> {
-        let tile = self.tiles.get_mut(tile.0 as usize)?;
-        if tile.place != Place::Out || tile.attempt != attempt {
-            return None;
+    /// A done tile is to be rendered once more, by none of these nodes, and compared.
+    pub(super) fn check(&mut self, tile: TileId, except: Vec<NodeId>) {
+        self.checks.push_back((tile, except));
+    }
+
+    /// Checks that wait, and that are for none of these nodes, are given up.
+    pub(super) fn give_up_checks(&mut self, available: &[NodeId]) -> Vec<TileId> {
+        let (kept, given_up) = std::mem::take(&mut self.checks)
+            .into_iter()
+            .partition(|(_, except): &(TileId, Vec<NodeId>)| available.iter().any(|node| !except.contains(node)));
+        self.checks = kept;
+        given_up.into_iter().map(|(tile, _)| tile).collect()
+    }
+
+    /// Whether a check of this tile waits or is out.
+    pub(super) fn checks(&self, tile: TileId) -> bool {
+        self.checks.iter().any(|(waiting, _)| *waiting == tile)
+            || self.out_of(tile).any(|(_, out)| matches!(out.kind, Kind::Check(_)))
+    }
+
+    /// What the display holds of a tile is wrong, and what is under way does not count. The display is to be told; see
+    /// [`Self::forgotten`].
+    pub(super) fn revoke(&mut self, tile: TileId) -> Option<Revocation> {
+        let entry = self.tiles.get_mut(tile.0 as usize)?;
+        let lane = &mut self.lanes[usize::from(entry.lane)];
+        match entry.place {
+            Place::Done { .. } => self.missing += 1,
+            Place::Out => lane.out -= 1,
+            Place::Waiting => lane.waiting.retain(|&waiting| waiting != tile),
+            Place::Revoked => return None,
         }
-        tile.place = place;
-        Some(tile.lane)
+        entry.place = Place::Revoked;
+        entry.valid_from = entry.attempts;
+        self.checks.retain(|(waiting, _)| *waiting != tile);
+        // What the display holds came of an attempt: there was one.
+        Some(Revocation { tile, attempt: Attempt(entry.attempts.saturating_sub(1)) })
+    }
+
+    /// The display has forgotten the tile: it waits again.
+    pub(super) fn forgotten(&mut self, tile: TileId) {
+        let Some(entry) = self.tiles.get_mut(tile.0 as usize) else { return };
+        if entry.place == Place::Revoked {
+            entry.place = Place::Waiting;
+            self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
+        }
+    }
+
+    /// Revoked tiles that the display has not forgotten yet.
+    pub(super) fn unconfirmed(&self) -> Vec<Revocation> {
+        let revoked = self.tiles.iter().enumerate().filter(|(_, tile)| tile.place == Place::Revoked);
+        let revocation = |(i, tile): (usize, &Tile)| Revocation {
+            tile: TileId(i as u32),
+            attempt: Attempt(tile.valid_from.saturating_sub(1)),
+        };
+        revoked.map(revocation).collect()
+    }
+
+    /// Takes over what the display has of an earlier run; `has` says which tiles. To be called before any is issued.
+    pub(super) fn resume(&mut self, has: impl Fn(TileId) -> bool) -> u32 {
+        let mut resumed = 0;
+        for (i, entry) in self.tiles.iter_mut().enumerate() {
+            if entry.place == Place::Waiting && has(TileId(i as u32)) {
+                // The journal's attempt; ours are later ones.
+                entry.place = Place::Done { attempt: Attempt(0), by: None };
+                resumed += 1;
+            }
+        }
+        let tiles = &self.tiles;
+        let waits = |tile: &TileId| tiles[tile.0 as usize].place == Place::Waiting;
+        self.lanes.iter_mut().for_each(|lane| lane.waiting.retain(waits));
+        self.missing -= resumed;
+        resumed
+    }
+
+    /// A display that came after another one has not all of what is done: the rest is done again. Who had done each.
+    pub(super) fn redo(&mut self, has: impl Fn(TileId) -> bool) -> Vec<Option<(NodeId, Epoch)>> {
+        let mut redone = Vec::new();
+        for (i, entry) in self.tiles.iter_mut().enumerate().rev() {
+            let tile = TileId(i as u32);
+            if let Place::Done { by, .. } = entry.place
+                && !has(tile)
+            {
+                entry.place = Place::Waiting;
+                self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
+                redone.push(by);
+            }
+        }
+        self.missing += redone.len() as u32;
+        redone
     }
 }
 
@@ -149,77 +426,155 @@ impl JobQueue {
 mod tests {
     use super::*;
     use crate::processes::manager::sample;
+    use crate::topology::TileOrder;
 
-    fn queue(assignment: Assignment, nodes: u16) -> JobQueue {
-        let tiling = Tiling { width: 10, height: 1, tile_width: 1, tile_height: 1 };
-        JobQueue::new(&Run { assignment, ..sample::run() }, tiling, nodes)
+    const FIRST: ClusterId = ClusterId(0);
+    const NOW: Duration = Duration::ZERO;
+    const BY: (NodeId, Epoch) = (NodeId(0), Epoch(0));
+
+    fn queue(assignment: Assignment, tiles: u32, nodes: u16, count: u16) -> JobQueue {
+        let tiling = Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 };
+        let run = Run { assignment, order: TileOrder::Scanline, ..sample::run() };
+        JobQueue::new(&run, tiling, Cluster { count, ..sample::plan(nodes, tiles).cluster })
     }
 
-    fn tiles(grants: &[TileGrant]) -> Vec<(u32, u32, Option<u16>)> {
-        grants.iter().map(|g| (g.tile.0, g.attempt.0, g.node.map(|node| node.0))).collect()
+    /// Tile and node of each grant.
+    fn granted(queue: &mut JobQueue, cluster: u16, wanted: u32, now: Duration) -> Vec<(u32, Option<u16>)> {
+        let first = queue.clusters.first_node(ClusterId(cluster)).0;
+        let nodes: Vec<_> = (first..first + queue.clusters.nodes).map(NodeId).collect();
+        let grants = queue.grants(ClusterId(cluster), wanted, &nodes, now);
+        grants.iter().map(|grant| (grant.tile.0, grant.node.map(|node| node.0))).collect()
     }
 
-    fn lost(tile: u32, attempt: u32) -> LostAttempt {
-        LostAttempt { node: NodeId(0), tile: TileId(tile), attempt: Attempt(attempt) }
-    }
-
-    #[test]
-    fn lost_tiles_come_first_with_the_next_attempt() {
-        let mut queue = queue(Assignment::OnDemand, 3);
-        assert!(queue.grants().is_empty());
-        queue.want(3);
-        assert_eq!(tiles(&queue.grants()), [(0, 0, None), (1, 0, None), (2, 0, None)]);
-        assert!(queue.lose(lost(1, 0)) && !queue.lose(lost(1, 0)) && !queue.lose(lost(7, 0)));
-        assert!(!queue.finish(TileId(1), Attempt(0)), "it was lost");
-        queue.want(2);
-        assert_eq!(tiles(&queue.grants()), [(1, 1, None), (3, 0, None)]);
-        assert!(queue.finish(TileId(1), Attempt(1)) && !queue.finish(TileId(1), Attempt(1)));
-        assert_eq!((queue.missing(), queue.total(), queue.reissued()), (9, 10, 1));
+    fn done(queue: &mut JobQueue, tile: u32, attempt: u32) -> Completion {
+        queue.complete(TileId(tile), Attempt(attempt), BY, NOW)
     }
 
     #[test]
-    fn a_wish_that_cannot_be_met_yet_is_kept() {
-        let mut queue = queue(Assignment::OnDemand, 1);
-        // The master does not ask again for what it was not given.
-        queue.want(11);
-        assert_eq!(queue.grants().len(), 10);
-        assert!(queue.lose(lost(9, 0)) && queue.lose(lost(3, 0)));
-        assert_eq!(tiles(&queue.grants()), [(3, 1, None)]);
-        queue.want(u32::MAX);
-        queue.want(u32::MAX);
-        assert_eq!(tiles(&queue.grants()), [(9, 1, None)]);
-    }
-
-    #[test]
-    fn interleaved_tiles_have_a_node_each() {
-        let mut queue = queue(Assignment::Interleaved, 3);
-        queue.want(10);
-        let grants = queue.grants();
-        assert_eq!(grants.len(), 10);
-        assert!(grants.iter().all(|grant| grant.node == Some(NodeId((grant.tile.0 % 3) as u16))));
-    }
-
-    #[test]
-    fn a_slow_node_does_not_starve_the_others() {
-        let mut queue = queue(Assignment::Interleaved, 2);
-        queue.want(4);
-        assert_eq!(tiles(&queue.grants()), [(0, 0, Some(0)), (1, 0, Some(1)), (2, 0, Some(0)), (3, 0, Some(1))]);
-        // Node 1 finishes nothing; what the master can take goes to node 0.
-        for tile in [0, 2] {
-            assert!(queue.finish(TileId(tile), Attempt(0)));
+    fn no_more_is_granted_than_wanted_and_all_of_it_once() {
+        let mut queue = queue(Assignment::OnDemand, 5, 4, 1);
+        assert_eq!(granted(&mut queue, 0, 0, NOW), []);
+        assert_eq!(granted(&mut queue, 0, 2, NOW), [(0, None), (1, None)]);
+        assert_eq!(granted(&mut queue, 0, 9, NOW), [(2, None), (3, None), (4, None)]);
+        for tile in 0..5 {
+            assert_eq!(queue.missing(), 5 - tile);
+            assert_eq!(done(&mut queue, tile, 0), Completion::Accepted);
+            assert_eq!(done(&mut queue, tile, 0), Completion::Unknown, "once");
         }
-        queue.want(2);
-        assert_eq!(tiles(&queue.grants()), [(4, 0, Some(0)), (6, 0, Some(0))]);
+        assert_eq!((queue.missing(), queue.reissued()), (0, 0));
     }
 
     #[test]
-    fn tiles_of_a_node_that_is_set_aside_are_anybodys() {
-        let mut queue = queue(Assignment::Interleaved, 2);
-        queue.want(2);
-        queue.grants();
-        queue.set_aside(NodeId(1));
-        assert!(queue.lose(lost(1, 0)));
-        queue.want(2);
-        assert_eq!(tiles(&queue.grants()), [(1, 1, None), (2, 0, Some(0))]);
+    fn interleaved_tiles_go_to_their_node_in_its_cluster() {
+        let mut queue = queue(Assignment::Interleaved, 7, 2, 2);
+        assert_eq!(granted(&mut queue, 0, 9, NOW), [(0, Some(0)), (1, Some(1)), (4, Some(0)), (5, Some(1))]);
+        assert_eq!(granted(&mut queue, 1, 1, NOW), [(2, Some(2))]);
+        queue.set_aside(NodeId(2));
+        assert_eq!(granted(&mut queue, 0, 9, NOW), [(6, None)]);
+        assert_eq!(granted(&mut queue, 1, 9, NOW), [(3, Some(3))]);
+    }
+
+    #[test]
+    fn a_lost_tile_waits_ahead_of_the_others_and_its_next_attempt_has_another_number() {
+        let mut queue = queue(Assignment::OnDemand, 4, 1, 1);
+        granted(&mut queue, 0, 2, NOW);
+        assert!(queue.lose(TileId(1), Attempt(0)));
+        assert!(!queue.lose(TileId(1), Attempt(0)), "once");
+        assert_eq!(granted(&mut queue, 0, 1, NOW), [(1, None)]);
+        assert_eq!(done(&mut queue, 1, 0), Completion::Unknown, "the lost one");
+        assert_eq!(done(&mut queue, 1, 1), Completion::Accepted);
+        assert_eq!((queue.accepted(TileId(1)), queue.reissued()), (Some(Attempt(1)), 1));
+    }
+
+    #[test]
+    fn what_a_cluster_had_goes_to_another_in_order() {
+        let mut queue = queue(Assignment::OnDemand, 6, 2, 2);
+        assert_eq!(granted(&mut queue, 0, 3, NOW).len(), 3);
+        assert_eq!(granted(&mut queue, 1, 1, NOW), [(3, None)]);
+        assert_eq!(done(&mut queue, 1, 0), Completion::Accepted);
+        assert_eq!(queue.lose_cluster(FIRST), 2);
+        assert_eq!(granted(&mut queue, 1, 9, NOW), [(0, None), (2, None), (4, None), (5, None)]);
+    }
+
+    #[test]
+    fn a_straggler_is_handed_out_once_more_and_either_result_counts_once() {
+        let late = Duration::from_secs(60);
+        for winner in [1, 0] {
+            let mut queue = queue(Assignment::OnDemand, 2, 2, 1);
+            granted(&mut queue, 0, 2, NOW);
+            assert_eq!(granted(&mut queue, 0, 2, late), [], "what is usual is not known yet");
+            assert_eq!(done(&mut queue, 0, 0), Completion::Accepted);
+            assert_eq!(granted(&mut queue, 0, 2, STRAGGLE_MIN), [], "not late yet");
+            assert_eq!(granted(&mut queue, 0, 2, late), [(1, None)], "once");
+            assert_eq!(done(&mut queue, 1, winner), Completion::Accepted);
+            assert_eq!(granted(&mut queue, 0, 2, 2 * late), [], "it is done, though an attempt is still out");
+            assert_eq!(done(&mut queue, 1, 1 - winner), Completion::Extra);
+            assert_eq!((queue.missing(), queue.reissued()), (0, 0));
+        }
+        let mut queue = queue(Assignment::Interleaved, 2, 2, 1);
+        granted(&mut queue, 0, 2, NOW);
+        done(&mut queue, 0, 0);
+        assert_eq!(granted(&mut queue, 0, 2, late), [], "counts are to be reproducible");
+    }
+
+    #[test]
+    fn of_a_straggler_that_is_lost_the_other_attempt_goes_on() {
+        let late = Duration::from_secs(60);
+        let mut queue = queue(Assignment::OnDemand, 2, 2, 1);
+        granted(&mut queue, 0, 2, NOW);
+        done(&mut queue, 0, 0);
+        granted(&mut queue, 0, 2, late);
+        assert!(queue.lose(TileId(1), Attempt(0)));
+        assert_eq!(granted(&mut queue, 0, 2, late), [], "it is out");
+        assert!(queue.lose(TileId(1), Attempt(1)));
+        assert_eq!(granted(&mut queue, 0, 2, late), [(1, None)]);
+        assert_eq!(done(&mut queue, 1, 2), Completion::Accepted);
+    }
+
+    #[test]
+    fn a_check_is_for_another_node_and_comes_back_when_it_is_lost() {
+        let mut queue = queue(Assignment::OnDemand, 1, 2, 1);
+        granted(&mut queue, 0, 1, NOW);
+        done(&mut queue, 0, 0);
+        queue.check(TileId(0), vec![NodeId(0)]);
+        assert_eq!(queue.grants(FIRST, 9, &[NodeId(0)], NOW), []);
+        let grants = queue.grants(FIRST, 9, &[NodeId(0), NodeId(1)], NOW);
+        let expected = TileGrant { tile: TileId(0), attempt: Attempt(1), node: None, except: vec![NodeId(0)] };
+        assert_eq!(grants, [expected]);
+        assert!(queue.lose(TileId(0), Attempt(1)) && queue.checks(TileId(0)));
+        assert_eq!(queue.grants(FIRST, 9, &[NodeId(1)], NOW).len(), 1);
+        assert_eq!(done(&mut queue, 0, 2), Completion::Extra);
+        assert_eq!((queue.missing(), queue.checks(TileId(0))), (0, false));
+        queue.check(TileId(0), vec![NodeId(0)]);
+        assert_eq!(queue.give_up_checks(&[NodeId(0)]), [TileId(0)]);
+    }
+
+    #[test]
+    fn a_revoked_tile_waits_for_the_display_and_takes_no_earlier_result() {
+        let mut queue = queue(Assignment::OnDemand, 1, 2, 1);
+        granted(&mut queue, 0, 1, NOW);
+        done(&mut queue, 0, 0);
+        assert_eq!(queue.tiles_by(BY), [TileId(0)]);
+        queue.check(TileId(0), vec![]);
+        granted(&mut queue, 0, 1, NOW);
+        let revocation = queue.revoke(TileId(0)).expect("done");
+        assert_eq!((revocation, queue.missing()), (Revocation { tile: TileId(0), attempt: Attempt(1) }, 1));
+        assert_eq!(queue.unconfirmed(), [revocation]);
+        assert_eq!(granted(&mut queue, 0, 1, NOW), []);
+        assert_eq!(done(&mut queue, 0, 1), Completion::Extra);
+        queue.forgotten(TileId(0));
+        assert_eq!(granted(&mut queue, 0, 1, NOW), [(0, None)]);
+        assert_eq!(done(&mut queue, 0, 2), Completion::Accepted);
+    }
+
+    #[test]
+    fn a_journal_is_taken_over_and_what_a_later_one_lacks_is_done_again() {
+        let mut queue = queue(Assignment::OnDemand, 4, 1, 1);
+        assert_eq!(queue.resume(|tile| tile.0 % 2 == 0), 2);
+        assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (3, None)]);
+        assert_eq!((done(&mut queue, 1, 0), queue.missing()), (Completion::Accepted, 1));
+        assert_eq!(queue.redo(|tile| tile.0 != 1 && tile.0 != 2), [None, Some(BY)]);
+        assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (2, None)]);
+        assert_eq!(queue.missing(), 3);
     }
 }

@@ -1,9 +1,10 @@
-//! What the manager was told: counts of accepted tiles, lost attempts, totals, incidents.
+//! What the manager was told: counts of tiles, lost attempts, totals, incidents.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::ids::NodeId;
-use crate::machine::stats::MemoryStats;
+use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::machine::stats::{Counters, MemoryStats};
 use crate::protocol::control::{BusTotals, DisplayTotals, LostAttempt, MasterTotals, Packets};
 use crate::protocol::work::TileDone;
 use crate::report::Incident;
@@ -14,48 +15,126 @@ const INCIDENTS_MAX: usize = 1000;
 
 #[derive(Debug, Default)]
 pub(super) struct Ledger {
-    /// By node id.
-    pub(super) nodes: Vec<Account>,
-    pub(super) trace: TraceStats,
-    pub(super) render_cpu_nanoseconds: u64,
-    pub(super) lost: Vec<LostAttempt>,
+    /// What each process of a node counted in its accepted tiles; those that were wrong are taken out.
+    accounts: BTreeMap<(NodeId, Epoch), Account>,
+    /// Of each cluster, from its start to its death or the end of the run.
+    pub(super) books: BTreeMap<(ClusterId, Epoch), Book>,
     /// What nodes trace with that hold the whole database, each the same.
     pub(super) packets: Option<Packets>,
-    pub(super) bus: Option<BusTotals>,
-    pub(super) master: Option<MasterTotals>,
     pub(super) display: Option<DisplayTotals>,
+    /// Tiles of an earlier run.
+    pub(super) resumed: u32,
     /// When the first tile was handed out, and when the last one was done.
     pub(super) first_tile: Option<Duration>,
     pub(super) last_tile: Option<Duration>,
+    /// Of all accounts.
+    rays: u64,
     incidents: Vec<Incident>,
     incidents_dropped: u64,
 }
 
-/// What one node counted in its accepted tiles, whichever process held its place.
+/// What a node counted in its accepted tiles.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Account {
     pub(super) tiles: u64,
     pub(super) trace: TraceStats,
     /// `None` until a tile brings counts: a node that holds all of the database has none.
     pub(super) memory: Option<MemoryStats>,
+    pub(super) render_cpu_nanoseconds: u64,
+}
+
+/// What went on in a cluster, as far as its master told, and the totals of those who lived to close their books.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Book {
+    /// Attempts told done, whether the image needed them or not.
+    pub(super) told_done: u64,
+    /// What they missed.
+    pub(super) missed: Counters,
+    pub(super) lost: Vec<LostAttempt>,
+    pub(super) bus: Option<BusTotals>,
+    pub(super) master: Option<MasterTotals>,
+}
+
+impl Account {
+    fn add(&mut self, other: &Self) {
+        self.tiles += other.tiles;
+        self.trace.add(&other.trace);
+        self.render_cpu_nanoseconds += other.render_cpu_nanoseconds;
+        if let Some(memory) = &other.memory {
+            self.memory.get_or_insert_default().add(memory);
+        }
+    }
+
+    fn of(done: &TileDone) -> Self {
+        Self {
+            tiles: 1,
+            trace: done.trace.clone(),
+            memory: done.memory.clone(),
+            render_cpu_nanoseconds: done.render_cpu_nanoseconds,
+        }
+    }
 }
 
 impl Ledger {
-    pub(super) fn new(nodes: u16) -> Self {
-        Self { nodes: vec![Account::default(); usize::from(nodes)], ..Self::default() }
+    /// Books a tile that became part of the image.
+    pub(super) fn accept(&mut self, now: Duration, by: (NodeId, Epoch), done: &TileDone) {
+        self.last_tile = Some(now);
+        self.rays += done.trace.all_rays();
+        self.accounts.entry(by).or_default().add(&Account::of(done));
     }
 
-    /// Books an accepted tile.
-    pub(super) fn accept(&mut self, now: Duration, node: NodeId, done: &TileDone) {
-        self.last_tile = Some(now);
-        self.trace.add(&done.trace);
-        self.render_cpu_nanoseconds += done.render_cpu_nanoseconds;
-        let Some(account) = self.nodes.get_mut(usize::from(node.0)) else { return };
-        account.tiles += 1;
-        account.trace.add(&done.trace);
+    /// Books what a master told done, whether it became part of the image or not.
+    pub(super) fn told_done(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
+        let book = self.books.entry(cluster).or_default();
+        book.told_done += 1;
         if let Some(memory) = &done.memory {
-            account.memory.get_or_insert_default().add(memory);
+            book.missed.add(&memory.total());
         }
+    }
+
+    /// Takes out of the books what a process counted: all of it is done again.
+    pub(super) fn forget(&mut self, process: (NodeId, Epoch)) {
+        let forgotten = self.accounts.remove(&process);
+        self.rays -= forgotten.map_or(0, |account| account.trace.all_rays());
+    }
+
+    /// Rays of all kinds in accepted tiles.
+    pub(super) fn rays(&self) -> u64 {
+        self.rays
+    }
+
+    pub(super) fn incident_count(&self) -> u64 {
+        self.incidents.len() as u64 + self.incidents_dropped
+    }
+
+    /// A tile is done again that is counted there, or as an earlier run's; what it took stays counted.
+    pub(super) fn take_back(&mut self, tile_of: Option<(NodeId, Epoch)>) {
+        match tile_of {
+            None => self.resumed = self.resumed.saturating_sub(1),
+            Some(process) => {
+                if let Some(account) = self.accounts.get_mut(&process) {
+                    account.tiles = account.tiles.saturating_sub(1);
+                }
+            }
+        }
+    }
+
+    /// What each of so many nodes counted, by its processes together.
+    pub(super) fn nodes(&self, nodes: u16) -> Vec<Account> {
+        let mut all = vec![Account::default(); usize::from(nodes)];
+        for ((node, _), account) in &self.accounts {
+            if let Some(all) = all.get_mut(usize::from(node.0)) {
+                all.add(account);
+            }
+        }
+        all
+    }
+
+    /// What all nodes counted.
+    pub(super) fn total(&self) -> Account {
+        let mut total = Account::default();
+        self.accounts.values().for_each(|account| total.add(account));
+        total
     }
 
     pub(super) fn incident(&mut self, now: Duration, text: String) {
@@ -81,10 +160,31 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::{Attempt, TileId};
+
+    #[test]
+    fn a_tile_that_is_done_again_is_counted_once() {
+        let (one, other) = ((NodeId(0), Epoch(0)), (NodeId(1), Epoch(0)));
+        let done = TileDone {
+            tile: TileId(0),
+            attempt: Attempt(0),
+            trace: TraceStats::default(),
+            memory: None,
+            render_cpu_nanoseconds: 5,
+        };
+        let mut ledger = Ledger { resumed: 1, ..Ledger::default() };
+        ledger.accept(Duration::ZERO, one, &done);
+        ledger.take_back(Some(one));
+        ledger.accept(Duration::ZERO, other, &done);
+        ledger.take_back(None);
+        ledger.take_back(Some((NodeId(2), Epoch(0))));
+        let total = ledger.total();
+        assert_eq!((total.tiles, total.render_cpu_nanoseconds, ledger.resumed), (1, 10, 0));
+    }
 
     #[test]
     fn incidents_are_bounded() {
-        let mut ledger = Ledger::new(1);
+        let mut ledger = Ledger::default();
         (0..1500).for_each(|i| ledger.incident(Duration::from_secs(i), format!("{i}")));
         let incidents = ledger.incidents();
         assert_eq!(incidents.len(), INCIDENTS_MAX + 1);

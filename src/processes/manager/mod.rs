@@ -5,41 +5,57 @@
 
 mod children;
 mod closing;
+mod cluster;
 mod control_port;
+mod display_place;
+mod disturbance;
 mod ending;
 mod executables;
 mod job_queue;
 mod ledger;
+mod life;
+mod metrics;
 mod output_folder;
+mod places;
 mod plan;
-mod process;
+pub(in crate::processes) mod process;
 mod process_table;
+mod reach;
 mod recorded;
-mod shell;
-mod state;
-
-#[cfg(test)]
+pub(in crate::processes) mod rehearsal;
 mod sample;
+mod shell;
+pub(in crate::processes) mod state;
+mod verification;
+
 #[cfg(test)]
 mod state_tests;
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+
+use sha2::{Digest, Sha256};
 
 use self::ending::Cause;
 use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
+use super::health::HealthError;
 use super::token;
-use crate::preparation::{PreparationError, prepare_topology};
+use crate::chaos;
+use crate::journal::{Journal, JournalError, Subject};
+use crate::keys::{Identity, KeysError, RoleKind};
+use crate::preparation::{PreparationError, Prepared, prepare_topology};
+use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::{MemorySize, Topology};
+use crate::topology::{MemorySize, Placement, Topology};
 use crate::tracer::{AovSet, Tiling};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -51,10 +67,22 @@ pub struct RunRequest {
     pub topology: Topology,
     /// The folder for image, report, recording and logs; made if need be.
     pub out: PathBuf,
+    /// Whether the tiles in the folder's journal are taken over.
+    pub resume: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
     pub record_references: bool,
+    /// Where the manager listens, instead of where the topology says.
+    pub listen: Option<SocketAddr>,
+    /// The folder of the cluster's keys: everything is said by TLS.
+    pub keys: Option<PathBuf>,
+    /// Whether addresses at which other machines can knock are used without TLS.
+    pub insecure: bool,
+    /// Faults on purpose.
+    pub chaos: Option<chaos::Schedule>,
+    /// Where to tell health and metrics; of this host alone.
+    pub health: Option<SocketAddr>,
     /// No progress on standard error.
     pub quiet: bool,
 }
@@ -98,12 +126,29 @@ pub enum RunError {
     Preparation(#[from] PreparationError),
     #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
     NothingToRecord,
+    #[error(
+        "references cannot be recorded by nodes on {host}, which does not see the output folder: expected host.shared_files = true"
+    )]
+    NoSharedFiles { host: String },
+    #[error(
+        "{address} is an address that other machines can reach: expected --keys DIR (`marti keys new DIR` makes them), or --insecure in a network that you trust"
+    )]
+    NoKeys { address: String },
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
+    #[error("--chaos: {0}")]
+    Chaos(#[from] chaos::NoSuchPlace),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
+    #[error(transparent)]
+    Health(#[from] HealthError),
+    /// What is to be resumed cannot be.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// The error names the file.
     #[error("{0}")]
     Output(io::Error),
@@ -120,8 +165,25 @@ pub enum RunError {
 impl RunError {
     /// Whether what was asked for cannot be right, however often it is tried.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Preparation(_) | Self::NothingToRecord | Self::TooManyTiles { .. } | Self::LocalMemory(_))
+        match self {
+            Self::Preparation(_)
+            | Self::NothingToRecord
+            | Self::NoSharedFiles { .. }
+            | Self::NoKeys { .. }
+            | Self::Keys(_)
+            | Self::TooManyTiles { .. }
+            | Self::LocalMemory(_)
+            | Self::Chaos(_) => true,
+            Self::Journal(error) => matches!(error, JournalError::Header { .. }),
+            Self::Health(error) => matches!(error, HealthError::NotLoopback(_)),
+            _ => false,
+        }
     }
+}
+
+/// Where a run leaves the topology that it resolved, in its folder.
+pub fn resolved_topology(out: &Path) -> PathBuf {
+    out.join(output_folder::TOPOLOGY_NAME)
 }
 
 /// Renders a topology with all its processes; returns when none of them lives any more.
@@ -135,45 +197,92 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
     }
+    let placement = topology.placement();
+    if request.record_references
+        && let Some(host) = placement.nodes_without_files()
+    {
+        return Err(RunError::NoSharedFiles { host: host.name.clone() });
+    }
+    let first = placement.of_manager();
+    let listen = request.listen.unwrap_or((first.interface(), first.port).into());
+    let warning = match open_address(listen, &placement).filter(|_| request.keys.is_none()) {
+        Some(address) if !request.insecure => return Err(RunError::NoKeys { address }),
+        open => {
+            open.map(|address| format!("{address} is used without keys: who can reach it can read all that is said"))
+        }
+    };
+    let Keys { tls, identities } = request.keys.as_deref().map(Keys::read).transpose()?.unwrap_or_default();
+    let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
-    let folder = OutputFolder::prepare(out, topology).map_err(RunError::Output)?;
-    match telemetry::start(&folder.log("manager")) {
+    let fingerprint = fingerprint(&prepared);
+    let aov = if request.resume {
+        // What an interrupted run has begun to hold is held to the end.
+        let journal = output_folder::journal(out);
+        let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
+        aov
+    } else {
+        request.aov
+    };
+
+    let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
+    let folder = prepare(out, topology).map_err(RunError::Output)?;
+    match telemetry::start(Some(&folder.log("manager"))) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
         started => started?,
     }
     let plan = Plan {
         cluster: topology.cluster,
+        placement,
         octree: topology.octree,
         run: topology.run,
         header: database.header.clone(),
         view: prepared.view.clone(),
         tiling,
-        aov: request.aov,
+        aov,
         exr: request.exr,
         record_references: request.record_references,
+        journal: output_folder::journal(out),
+        resume: request.resume,
+        fingerprint,
         image: folder.image(),
         recording: folder.recording(),
     };
+    let secret = secret()?;
+    let joiners_token = (plan.placement.has_joiners() && request.keys.is_none()).then(|| folder.join_token());
+    if let Some(path) = &joiners_token {
+        token::write(path, secret).map_err(RunError::Output)?;
+    }
     let run = shell::Run {
         start,
         executables,
         logs: folder.logs(),
-        token: secret()?,
+        credentials: Credentials { tls, joiners: plan.placement.has_joiners(), ..Credentials::plain(secret) },
+        identities,
+        warning,
+        listen,
         words: Arc::clone(&database.words),
+        health: request.health,
         quiet: request.quiet,
+        faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
     let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
-    // The bus holds the database from here on.
+    // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
-    let state = runtime.block_on(run.finish(plan))?;
+    let finished = runtime.block_on(run.finish(plan));
+    if let Some(path) = joiners_token {
+        // Nobody can use it any more.
+        let _ = std::fs::remove_file(path);
+    }
+    let (state, chaos) = finished?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -181,7 +290,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
         None => Vec::new(),
     };
-    let report = closing::report(&state, facts, checks, start.elapsed());
+    let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,
@@ -192,6 +301,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     Ok(RunOutcome { end, report })
 }
 
+fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
+    let cluster = &request.topology.cluster;
+    let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
+    request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
+}
+
 fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {
     let (tile_width, tile_height) = topology.image.tile;
     let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
@@ -199,6 +314,37 @@ fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunErr
         return Err(RunError::TooManyTiles { tiles });
     }
     Ok(Tiling { width, height, tile_width, tile_height })
+}
+
+/// SHA-256 of all that decides the image's bits: the database, the view and its settings.
+fn fingerprint(prepared: &Prepared) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(prepared.database.database().bytes());
+    hash.update(format!("{:?}", prepared.view));
+    hash.finalize().into()
+}
+
+/// What the manager and the processes that it starts prove themselves with.
+#[derive(Default)]
+struct Keys {
+    tls: Option<Tls>,
+    identities: Vec<Identity>,
+}
+
+impl Keys {
+    fn read(folder: &Path) -> Result<Self, KeysError> {
+        let identities = RoleKind::ALL.into_iter().filter(|&kind| kind != RoleKind::Manager);
+        Ok(Self {
+            tls: Some(Tls::new(&Identity::read(folder, RoleKind::Manager)?)?),
+            identities: identities.map(|kind| Identity::read(folder, kind)).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// What other machines could knock at, if anything.
+fn open_address(listen: SocketAddr, placement: &Placement) -> Option<String> {
+    let first = (!listen.ip().is_loopback()).then(|| listen.ip().to_string());
+    first.or_else(|| placement.open_address())
 }
 
 fn secret() -> Result<RunToken, RunError> {

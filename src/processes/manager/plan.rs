@@ -2,19 +2,23 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::database::Header;
-use crate::ids::ClusterId;
+use crate::ids::{ClusterId, Epoch};
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
 };
-use crate::topology::{Cluster, Octree, Run};
+use crate::protocol::hello::Role;
+use crate::recording::bus_log;
+use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
 use crate::tracer::{AovSet, Tiling, View};
 
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) cluster: Cluster,
+    pub(super) placement: Placement,
     pub(super) octree: Octree,
     pub(super) run: Run,
     pub(super) header: Header,
@@ -23,6 +27,12 @@ pub(super) struct Plan {
     pub(super) aov: AovSet,
     pub(super) exr: bool,
     pub(super) record_references: bool,
+    /// The file of the display's journal.
+    pub(super) journal: PathBuf,
+    /// Whether an earlier run's tiles are taken over.
+    pub(super) resume: bool,
+    /// Of scene and image settings.
+    pub(super) fingerprint: [u8; 32],
     /// The image file.
     pub(super) image: PathBuf,
     /// The folder of the recording.
@@ -37,27 +47,47 @@ pub(super) struct Addresses {
     pub(super) display: SocketAddr,
 }
 
+/// The host of a process.
+pub(super) fn host_of(placement: &Placement, role: Role) -> &Host {
+    match role {
+        Role::Manager => placement.of_manager(),
+        Role::Bus(cluster) | Role::Master(cluster) => placement.of_cluster(cluster),
+        Role::Node(node) => placement.of_node(node),
+        Role::Display => placement.of_display(),
+    }
+}
+
 impl Plan {
-    pub(super) fn configure_bus(&self) -> BusCommand {
+    /// How long a process may take from its start to its connection: longer where somebody else starts it.
+    pub(super) fn connect_deadline(&self, role: Role) -> Duration {
+        match host_of(&self.placement, role).launch {
+            Launch::External => self.run.deadlines.join,
+            Launch::Local | Launch::Command(_) => self.run.deadlines.startup,
+        }
+    }
+
+    pub(super) fn configure_bus(&self, cluster: ClusterId, epoch: Epoch) -> BusCommand {
         BusCommand::Configure(BusConfiguration {
-            cluster: ClusterId(0),
+            cluster,
             arbiter: self.cluster.bus.arbiter,
             layout: self.header.layout.clone(),
-            recording: self.recording.clone(),
+            recording: bus_log::folder_of(&self.recording, cluster, epoch),
         })
     }
 
-    pub(super) fn configure_master(&self, bus: SocketAddr) -> MasterCommand {
+    pub(super) fn configure_master(&self, cluster: ClusterId, bus: SocketAddr) -> MasterCommand {
         MasterCommand::Configure(MasterConfiguration {
             bus,
+            first_node: self.cluster.first_node(cluster),
             nodes: self.cluster.nodes,
             assignment: self.run.assignment,
             tile_deadline_milliseconds: u64::try_from(self.run.deadlines.tile.as_millis()).unwrap_or(u64::MAX),
         })
     }
 
-    pub(super) fn configure_node(&self, addresses: Addresses) -> NodeCommand {
+    pub(super) fn configure_node(&self, cluster: ClusterId, addresses: Addresses) -> NodeCommand {
         NodeCommand::Configure(Box::new(NodeConfiguration {
+            cluster,
             master: addresses.master,
             bus: addresses.bus,
             display: addresses.display,
@@ -72,10 +102,13 @@ impl Plan {
         }))
     }
 
-    pub(super) fn configure_display(&self) -> DisplayCommand {
+    pub(super) fn configure_display(&self, epoch: Epoch) -> DisplayCommand {
         DisplayCommand::Configure(DisplayConfiguration {
             tiling: self.tiling,
             aov: self.aov,
+            journal: self.journal.clone(),
+            resume: self.resume || epoch > Epoch(0),
+            fingerprint: self.fingerprint,
             image: self.image.clone(),
             exr: self.exr,
         })

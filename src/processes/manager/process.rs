@@ -11,17 +11,18 @@ use crate::protocol::hello::Role;
 
 /// The role, and which of the processes that held it one after the other.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct ProcessId {
-    pub(super) role: Role,
-    pub(super) epoch: Epoch,
+pub(in crate::processes) struct ProcessId {
+    pub(in crate::processes) role: Role,
+    pub(in crate::processes) epoch: Epoch,
 }
 
 impl ProcessId {
+    #[cfg(test)]
     pub(super) fn first(role: Role) -> Self {
         Self { role, epoch: Epoch(0) }
     }
 
-    pub(super) fn node(self) -> Option<NodeId> {
+    pub(in crate::processes) fn node(self) -> Option<NodeId> {
         match self.role {
             Role::Node(node) => Some(node),
             _ => None,
@@ -32,8 +33,8 @@ impl ProcessId {
     pub(super) fn program(self) -> &'static str {
         match self.role {
             Role::Manager => "marti",
-            Role::Bus => "marti-bus",
-            Role::Master => "marti-master",
+            Role::Bus(_) => "marti-bus",
+            Role::Master(_) => "marti-master",
             Role::Node(_) => "marti-node",
             Role::Display => "marti-display",
         }
@@ -50,14 +51,15 @@ impl fmt::Display for ProcessId {
         match (self.role, self.epoch.0) {
             (Role::Node(node), 0) => write!(f, "{node}"),
             (Role::Node(node), _) => write!(f, "{node} ({})", self.epoch),
-            (role, _) => write!(f, "the {role}"),
+            (role, 0) => write!(f, "the {role}"),
+            (role, _) => write!(f, "the {role} ({})", self.epoch),
         }
     }
 }
 
 /// What a process tells.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Report {
+pub(in crate::processes) enum Report {
     Bus(BusReport),
     Master(MasterReport),
     Node(NodeReport),
@@ -66,7 +68,7 @@ pub(super) enum Report {
 
 /// What a process is told.
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Command {
+pub(in crate::processes) enum Command {
     Bus(BusCommand),
     Master(MasterCommand),
     Node(NodeCommand),
@@ -80,7 +82,7 @@ pub(super) enum Stage {
     Connected,
     /// A server listens; a node is configured.
     Serving,
-    /// A node was handed a tile.
+    /// A node was handed a tile; the display was asked for the image.
     Working,
     /// It has reported for the last time.
     Finished,
@@ -96,13 +98,26 @@ pub(super) struct Process {
     pub(super) last_sign: Duration,
     /// When its control connection ended.
     pub(super) hung_up: Option<Duration>,
+    /// From its start to its connection, where that is not the usual time.
+    pub(super) connect_deadline: Option<Duration>,
+    /// It has said that it goes, and why is nobody's fault.
+    pub(super) leaving: bool,
     /// Why it was killed, as the rest of a sentence that begins with its name.
     pub(super) doom: Option<String>,
 }
 
 impl Process {
     pub(super) fn spawned(id: ProcessId, now: Duration) -> Self {
-        Self { id, stage: Stage::Spawned, since: now, last_sign: now, hung_up: None, doom: None }
+        Self {
+            id,
+            stage: Stage::Spawned,
+            since: now,
+            last_sign: now,
+            hung_up: None,
+            connect_deadline: None,
+            leaving: false,
+            doom: None,
+        }
     }
 
     pub(super) fn enter(&mut self, stage: Stage, now: Duration) {

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::process::{Process, ProcessId, Stage};
-use crate::protocol::hello::Role;
 use crate::topology::Deadlines;
 
 /// From the end of a control connection to that of its process.
@@ -28,11 +27,6 @@ impl ProcessTable {
         self.processes.iter_mut().find(|process| process.id == id)
     }
 
-    /// The process that holds a role now.
-    pub(super) fn holder(&self, role: Role) -> Option<&Process> {
-        self.processes.iter().find(|process| process.id.role == role)
-    }
-
     pub(super) fn iter(&self) -> impl Iterator<Item = &Process> {
         self.processes.iter()
     }
@@ -54,12 +48,14 @@ fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<St
     if let Some(hung_up) = process.hung_up {
         return late(hung_up, EXIT_DEADLINE).then(|| "closed its control connection and did not end".to_owned());
     }
+    let connect = process.connect_deadline.unwrap_or(deadlines.startup);
     match process.stage {
-        Stage::Spawned if late(process.since, deadlines.startup) => {
-            return Some(format!("did not connect within {}", seconds(deadlines.startup)));
+        Stage::Spawned if late(process.since, connect) => {
+            return Some(format!("did not connect within {}", seconds(connect)));
         }
-        Stage::Connected if is_server && late(process.since, deadlines.startup) => {
-            return Some(format!("did not listen within {}", seconds(deadlines.startup)));
+        // A master waits for its bus, which may have to join.
+        Stage::Connected if is_server && late(process.since, connect) => {
+            return Some(format!("did not listen within {}", seconds(connect)));
         }
         // One that was handed a tile is the master's to judge.
         Stage::Serving if !is_server && late(process.since, deadlines.tile) => {
@@ -78,8 +74,9 @@ pub(super) fn seconds(duration: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ids::NodeId;
+    use crate::ids::{ClusterId, NodeId};
     use crate::processes::manager::sample;
+    use crate::protocol::hello::Role;
 
     /// Deadlines: startup 10 s, heartbeat 5 s, tile 60 s.
     fn overdue_at(second: u64, role: Role, stage: Stage, last_sign: u64, hung_up: Option<u64>) -> Option<String> {
@@ -96,15 +93,18 @@ mod tests {
     #[test]
     fn each_deadline_is_kept() {
         let node = Role::Node(NodeId(1));
-        assert_eq!(overdue_at(10, Role::Bus, Stage::Spawned, 0, None), None);
-        assert_eq!(overdue_at(11, Role::Bus, Stage::Spawned, 0, None).as_deref(), Some("did not connect within 10 s"));
+        assert_eq!(overdue_at(10, Role::Bus(ClusterId(0)), Stage::Spawned, 0, None), None);
         assert_eq!(
-            overdue_at(11, Role::Bus, Stage::Connected, 11, None).as_deref(),
+            overdue_at(11, Role::Bus(ClusterId(0)), Stage::Spawned, 0, None).as_deref(),
+            Some("did not connect within 10 s")
+        );
+        assert_eq!(
+            overdue_at(11, Role::Bus(ClusterId(0)), Stage::Connected, 11, None).as_deref(),
             Some("did not listen within 10 s")
         );
         assert_eq!(overdue_at(11, node, Stage::Connected, 11, None), None, "it waits for the servers");
         assert_eq!(overdue_at(61, node, Stage::Serving, 61, None).as_deref(), Some("took no tile within 60 s"));
-        assert_eq!(overdue_at(61, Role::Bus, Stage::Serving, 61, None), None);
+        assert_eq!(overdue_at(61, Role::Bus(ClusterId(0)), Stage::Serving, 61, None), None);
         assert_eq!(overdue_at(99, node, Stage::Working, 94, None), None);
         let silent = overdue_at(99, node, Stage::Working, 93, None);
         assert_eq!(silent.as_deref(), Some("was silent for more than 5 s"));

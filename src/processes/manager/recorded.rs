@@ -38,7 +38,8 @@ pub(super) fn close(seal: &Seal, state: &State, folder: &Path) -> io::Result<Vec
     let opened = Recording::open(folder).map_err(io::Error::other)?;
     let mut checks = vec![Check::new("faults of the recorded references = 0", opened.faults.len() as u64, 0)];
     let replayed = live::counts(&opened.recording).map_err(io::Error::other)?;
-    let accounts = state.ledger.nodes.iter().map(|account| account.memory.clone().unwrap_or_default());
+    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let accounts = accounts.into_iter().map(|account| account.memory.unwrap_or_default());
     for ((node, live), replayed) in (0..).map(NodeId).zip(accounts).zip(&replayed) {
         checks.push(Check::new(
             format!("{node}: counters that differ when its references are replayed = 0"),

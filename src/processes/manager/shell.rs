@@ -1,6 +1,7 @@
 //! Turns what happens into events for the state, and does what it answers.
 
 use std::collections::HashMap;
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,15 +11,25 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::children::Children;
+use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
+use super::disturbance::Disturbance;
 use super::executables::Executables;
+use super::metrics;
 use super::plan::Plan;
+use super::process::ProcessId;
+use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
+use crate::chaos::{self, Fault};
+use crate::ids::ClusterId;
+use crate::keys::Identity;
+use crate::processes::health;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
-use crate::protocol::hello::RunToken;
+use crate::protocol::connection::Credentials;
+use crate::protocol::hello::Role;
+use crate::report::Chaos;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -31,11 +42,18 @@ pub(super) struct Run {
     pub(super) executables: Executables,
     /// The folder of the logs.
     pub(super) logs: PathBuf,
-    pub(super) token: RunToken,
+    pub(super) credentials: Credentials,
+    pub(super) identities: Vec<Identity>,
+    /// Said loudly, and in the report.
+    pub(super) warning: Option<String>,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
+    /// Where the manager listens.
+    pub(super) listen: SocketAddr,
     /// No progress.
     pub(super) quiet: bool,
+    pub(super) health: Option<SocketAddr>,
+    pub(super) faults: Vec<Fault>,
 }
 
 fn status(state: &State) -> Status {
@@ -44,7 +62,7 @@ fn status(state: &State) -> Status {
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.trace.all_rays(),
+        rays: state.ledger.rays(),
         elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
@@ -54,26 +72,43 @@ struct Shell {
     start: Instant,
     port: ControlPort,
     children: Children,
+    disturbance: Disturbance,
     events: mpsc::Sender<Event>,
-    /// Until it is loaded into the bus.
-    words: Option<Arc<Vec<u32>>>,
-    token: RunToken,
+    /// Of the database, for every bus that starts.
+    words: Arc<Vec<u32>>,
+    credentials: Credentials,
     upload_deadline: Duration,
 }
 
 impl Run {
-    /// Runs until the state is over; gives it back.
+    /// Runs until the state is over; gives it back, and what the faults came to if there were to be any.
     ///
     /// # Errors
     /// The system has no port or no signals.
-    pub(super) async fn finish(self, plan: Plan) -> Result<State, RunError> {
+    pub(super) async fn finish(self, plan: Plan) -> Result<(State, Option<Chaos>), RunError> {
         let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
-        let port = ControlPort::bind(self.token, sender.clone()).await.map_err(|error| system("free port", error))?;
-        let mut shell = Shell::new(&self, &plan, port, sender);
+        let heartbeat = plan.run.deadlines.heartbeat / HEARTBEATS;
+        let port =
+            ControlPort::bind(self.listen, self.credentials.clone(), &plan.placement, heartbeat, sender.clone()).await;
+        let port = port.map_err(|error| system("port", io::Error::other(format!("{}: {error}", self.listen))))?;
+        let first = plan.placement.of_manager();
+        let advertised = reach::advertised(first, port.address()).await.map_err(|error| system("address", error))?;
+        if plan.placement.has_joiners() {
+            reach::say(advertised, self.quiet);
+        }
+        let health = match self.health {
+            Some(address) => Some(health::serve(address).await?),
+            None => None,
+        };
+        let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
         let (mut state, actions) = State::start(plan);
+        if let Some(warning) = &self.warning {
+            reach::warn(warning);
+            state.ledger.incident(Duration::ZERO, warning.clone());
+        }
         let mut progress = Progress::new(self.quiet, state.queue.total());
         shell.act(actions);
         let mut tick = interval(TICK);
@@ -86,17 +121,28 @@ impl Run {
                 event = shell.port.arrival() => event,
                 _ = tick.tick() => {
                     progress.show(&status(&state));
+                    if let Some(health) = &health {
+                        health.send_replace(metrics::health(&state));
+                    }
                     Event::Tick
                 }
             };
             if !matches!(event, Event::Report(..) | Event::Tick) {
                 tracing::info!("{event:?}");
             }
+            shell.note(&event);
+            shell.disturbance.observe(&event);
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
+            shell.disturb(&mut state);
         }
+        shell.port.places().close().await;
         progress.finish(&status(&state));
-        Ok(state)
+        let chaos = shell.disturbance.close().map(|(chaos, missed)| {
+            missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
+            chaos
+        });
+        Ok((state, chaos))
     }
 }
 
@@ -105,24 +151,36 @@ async fn arrived(signal: &mut Signal) -> Option<()> {
 }
 
 impl Shell {
-    fn new(run: &Run, plan: &Plan, port: ControlPort, events: mpsc::Sender<Event>) -> Self {
+    fn new(
+        run: &Run,
+        plan: &Plan,
+        heartbeat: Duration,
+        port: ControlPort,
+        advertised: SocketAddr,
+        events: mpsc::Sender<Event>,
+    ) -> Self {
         let deadlines = plan.run.deadlines;
         let children = Children {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
-            token: run.token,
-            manager: port.address(),
-            heartbeat_deadline: deadlines.heartbeat,
+            token: run.credentials.token,
+            identities: run.identities.clone(),
+            placement: plan.placement.clone(),
+            advertised,
+            heartbeat,
+            places: port.places(),
+            connections: port.connections(),
             events: events.clone(),
             alive: HashMap::new(),
         };
         Self {
             start: run.start,
+            disturbance: Disturbance::new(run.faults.clone(), reach::from_here(port.address()).ip()),
             port,
             children,
             events,
-            words: Some(Arc::clone(&run.words)),
-            token: run.token,
+            words: Arc::clone(&run.words),
+            credentials: run.credentials.clone(),
             upload_deadline: deadlines.startup,
         }
     }
@@ -133,36 +191,80 @@ impl Shell {
                 Action::Spawn(id) => {
                     tracing::info!("{id} is started");
                     self.port.expect(id);
-                    self.children.spawn(id);
+                    let manager = self.disturbance.route(id.role, Role::Manager, reach::from_here(self.port.address()));
+                    self.children.spawn(id, manager);
                 }
-                Action::Tell(id, command) => {
-                    if !self.port.tell(id, command) {
+                Action::Tell(id, mut command) => {
+                    if self.children.is_local(id) {
+                        self.disturbance.reroute(id, &mut command);
+                    }
+                    let origin = self.port.origin(id);
+                    if let Some(why) = origin.and_then(|origin| reach::unreachable(origin, &command)) {
+                        self.children.kill_because(id, why);
+                    } else if !self.port.tell(id, command) {
                         tracing::error!("{id} does not read what it is told, and is killed");
                         self.children.kill(id);
                     }
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
-                Action::Upload(bus) => self.upload(bus),
+                Action::Upload(bus, address) => {
+                    let address = self.disturbance.route(Role::Manager, bus.role, address);
+                    self.upload(bus, address);
+                }
             }
         }
     }
 
-    fn upload(&mut self, bus: SocketAddr) {
-        let Some(words) = self.words.take() else { return };
+    /// What the children must know of an event, before the state does.
+    fn note(&mut self, event: &Event) {
+        match event {
+            Event::Connected(id) => self.children.connected(*id),
+            Event::Disconnected(id, _) => self.children.disconnected(*id),
+            Event::Exited(id, _) => self.children.bury(*id),
+            _ => {}
+        }
+    }
+
+    /// The faults that are due.
+    fn disturb(&mut self, state: &mut State) {
+        let Status { tiles_done, tiles, elapsed, .. } = status(state);
+        let progress = chaos::Progress { tiles_done, tiles, elapsed };
+        for text in self.disturbance.carry_out(state.now, progress, &mut self.children, &self.port) {
+            state.ledger.incident(state.now, format!("chaos: {text}"));
+        }
+    }
+
+    fn upload(&mut self, bus: ProcessId, address: SocketAddr) {
+        let Role::Bus(cluster) = bus.role else { return };
+        let refused = self.port.origin(bus).and_then(|origin| reach::tells_its_own(origin, address));
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
-        let token = self.token;
+        let (words, credentials) = (Arc::clone(&self.words), self.credentials.clone());
         tokio::spawn(async move {
-            let loaded = upload(bus, token, bytemuck::cast_slice(&words), deadline).await;
+            let image = bytemuck::cast_slice(&words);
+            let loaded = match refused {
+                Some(why) => Err(why),
+                None => upload(cluster, address, &credentials, image, deadline).await,
+            };
+            let event = match loaded {
+                Ok(()) => Event::Uploaded(bus),
+                Err(why) => Event::UploadFailed(bus, why),
+            };
             // An error means that the manager has ended.
-            let _ = events.send(loaded.map_or_else(Event::UploadFailed, |()| Event::Uploaded)).await;
+            let _ = events.send(event).await;
         });
     }
 }
 
 /// `deadline` is for each piece.
-async fn upload(bus: SocketAddr, token: RunToken, image: &[u8], deadline: Duration) -> Result<(), String> {
-    let mut loader = Loader::connect(bus, token, deadline).await?;
+async fn upload(
+    cluster: ClusterId,
+    bus: SocketAddr,
+    credentials: &Credentials,
+    image: &[u8],
+    deadline: Duration,
+) -> Result<(), String> {
+    let mut loader = Loader::connect(cluster, bus, credentials, deadline).await?;
     loader.store_all(image).await?;
     loader.leave().await;
     Ok(())

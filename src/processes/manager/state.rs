@@ -1,38 +1,44 @@
 //! The run as the manager sees it: who lives, who is told what next. No socket, no process, no clock: the shell
 //! says what happened and when, and does what is answered.
 //!
-//! Starting and running are here, the way to the end is in [`ending`](super::ending).
+//! What goes on between the parts is here; a cluster's life is in [`cluster`](super::cluster), the display's in
+//! [`display_place`](super::display_place), the way to the end in [`ending`](super::ending).
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::Interrupt;
+use super::cluster::{Cluster, Place};
+use super::display_place::DisplayPlace;
 use super::ending::{Cause, Ending};
-use super::job_queue::JobQueue;
+use super::job_queue::{Completion, JobQueue};
 use super::ledger::Ledger;
 use super::plan::{Addresses, Plan};
 use super::process::{Command, Process, ProcessId, Report, Stage};
 use super::process_table::{ProcessTable, seconds};
-use crate::ids::{Epoch, NodeId};
+use super::verification::Verification;
+use crate::ids::{ClusterId, Epoch, NodeId};
 use crate::protocol::control::{
     BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand, NodeReport,
 };
 use crate::protocol::hello::Role;
+use crate::protocol::work::TileDone;
 
-/// A node is set aside after so many failures without a tile done in between.
-const FAILURES_MAX: u32 = 3;
+/// A node or a cluster is set aside, and a run without a display fails, after so many failures without a tile done in
+/// between.
+pub(super) const FAILURES_MAX: u32 = 3;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Connected(ProcessId),
     Report(ProcessId, Report),
     /// The control connection ended; `Some`: by nonsense, and what it was.
     Disconnected(ProcessId, Option<String>),
     /// The process is confirmed dead, or could not be started; how, as the rest of a sentence that begins with its name.
     Exited(ProcessId, String),
-    /// The bus has the database.
-    Uploaded,
-    UploadFailed(String),
+    /// This bus has the database.
+    Uploaded(ProcessId),
+    UploadFailed(ProcessId, String),
     /// Somebody was not let in at the manager's port.
     Refused(String),
     Signal(Interrupt),
@@ -40,20 +46,18 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Spawn(ProcessId),
     Tell(ProcessId, Command),
     /// End the control connection.
     HangUp(ProcessId),
     Kill(ProcessId),
-    /// Load the database into the bus.
-    Upload(SocketAddr),
+    /// Load the database into this bus.
+    Upload(ProcessId, SocketAddr),
 }
 
 #[derive(Debug)]
 pub(super) enum Phase {
-    /// Until all servers listen and the bus has the database.
-    Starting,
     Running,
     Ending(Ending),
     Over(Cause),
@@ -66,46 +70,34 @@ pub(super) struct State {
     pub(super) table: ProcessTable,
     pub(super) queue: JobQueue,
     pub(super) ledger: Ledger,
+    pub(super) verification: Verification,
+    /// By cluster id.
+    pub(super) clusters: Vec<Cluster>,
     /// By node id.
-    places: Vec<Place>,
-    bus: Option<SocketAddr>,
-    master: Option<SocketAddr>,
-    display: Option<SocketAddr>,
-    uploaded: bool,
+    pub(super) places: Vec<Place>,
+    pub(super) display: DisplayPlace,
     pub(super) now: Duration,
     pub(super) actions: Vec<Action>,
-}
-
-/// A node's place, which processes hold one after the other.
-#[derive(Clone, Copy, Debug, Default)]
-struct Place {
-    /// Since the last tile done.
-    failures: u32,
-    set_aside: bool,
 }
 
 impl State {
     /// The state, and the first actions.
     pub(super) fn start(plan: Plan) -> (Self, Vec<Action>) {
-        let nodes = plan.cluster.nodes;
         let mut state = Self {
-            queue: JobQueue::new(&plan.run, plan.tiling, nodes),
-            ledger: Ledger::new(nodes),
-            places: vec![Place::default(); usize::from(nodes)],
+            queue: JobQueue::new(&plan.run, plan.tiling, plan.cluster),
+            ledger: Ledger::default(),
+            verification: Verification::new(plan.run.verify, plan.run.seed),
+            clusters: plan.cluster.ids().map(Cluster::new).collect(),
+            places: vec![Place::default(); usize::from(plan.cluster.all_nodes())],
+            display: DisplayPlace::default(),
             plan,
-            phase: Phase::Starting,
+            phase: Phase::Running,
             table: ProcessTable::default(),
-            bus: None,
-            master: None,
-            display: None,
-            uploaded: false,
             now: Duration::ZERO,
             actions: Vec::new(),
         };
-        let roles = [Role::Bus, Role::Display, Role::Master].into_iter();
-        for role in roles.chain((0..nodes).map(|node| Role::Node(NodeId(node)))) {
-            state.spawn(ProcessId::first(role));
-        }
+        state.spawn(state.display_process());
+        state.plan.cluster.ids().for_each(|cluster| state.start_cluster(cluster));
         let actions = std::mem::take(&mut state.actions);
         (state, actions)
     }
@@ -118,8 +110,8 @@ impl State {
             Event::Report(id, report) => self.told(id, report),
             Event::Disconnected(id, nonsense) => self.disconnected(id, nonsense),
             Event::Exited(id, how) => self.exited(id, how),
-            Event::Uploaded => self.uploaded = true,
-            Event::UploadFailed(why) => self.fail(format!("the database cannot be loaded: {why}")),
+            Event::Uploaded(bus) => self.uploaded(bus),
+            Event::UploadFailed(bus, why) => self.doom(bus, format!("did not take the database: {why}")),
             Event::Refused(who) => self.ledger.incident(now, who),
             Event::Signal(signal) => self.interrupt(signal),
             Event::Tick => self.tick(),
@@ -142,10 +134,10 @@ impl State {
         process.enter(Stage::Connected, now);
         process.last_sign = now;
         match id.role {
-            Role::Bus => self.tell(id, Command::Bus(self.plan.configure_bus())),
-            Role::Display => self.tell(id, Command::Display(self.plan.configure_display())),
-            Role::Master => self.configure_master(),
-            Role::Node(_) => self.configure_node(id),
+            Role::Bus(cluster) => self.tell(id, Command::Bus(self.plan.configure_bus(cluster, id.epoch))),
+            Role::Display => self.tell(id, Command::Display(self.plan.configure_display(id.epoch))),
+            Role::Master(cluster) => self.configure_master(id, cluster),
+            Role::Node(_) => self.configure_nodes(),
             Role::Manager => {}
         }
     }
@@ -162,55 +154,81 @@ impl State {
             | Report::Node(NodeReport::Incident(text))
             | Report::Display(DisplayReport::Incident(text))
             | Report::Master(MasterReport::Incident(text)) => self.ledger.incident(self.now, format!("{id}: {text}")),
-            Report::Node(NodeReport::Failed(why)) | Report::Display(DisplayReport::Failed(why)) => {
-                self.doom(id, format!("failed: {why}"));
+            // Whoever is being ended has said its last words that count.
+            _ if process.doom.is_some() => {}
+            Report::Bus(report) => self.told_by_bus(id, report),
+            Report::Master(report) => self.told_by_master(id, report),
+            Report::Node(report) => self.told_by_node(id, report),
+            Report::Display(report) => self.told_by_display(id, report),
+        }
+    }
+
+    fn told_by_bus(&mut self, id: ProcessId, report: BusReport) {
+        let Role::Bus(cluster) = id.role else { return };
+        match report {
+            BusReport::Heartbeat | BusReport::Incident(_) => {}
+            BusReport::Listening(address) => self.bus_listens(id, cluster, address),
+            BusReport::Finished(totals) => {
+                self.enter(id, Stage::Finished);
+                self.ledger.books.entry((cluster, id.epoch)).or_default().bus = Some(totals);
             }
-            Report::Node(NodeReport::Packets(packets)) => self.ledger.packets = Some(packets),
-            Report::Node(NodeReport::Finished) => process.enter(Stage::Finished, self.now),
-            Report::Bus(BusReport::Listening(address)) => self.bus_listens(id, address),
-            Report::Bus(BusReport::Finished(totals)) => {
-                process.enter(Stage::Finished, self.now);
-                self.ledger.bus = Some(totals);
+        }
+    }
+
+    fn told_by_node(&mut self, id: ProcessId, report: NodeReport) {
+        match report {
+            NodeReport::Heartbeat | NodeReport::Incident(_) => {}
+            NodeReport::Failed(why) => self.doom(id, format!("failed: {why}")),
+            NodeReport::Leaving => {
+                if let Some(process) = self.table.get_mut(id) {
+                    process.leaving = true;
+                }
             }
-            Report::Display(DisplayReport::Listening(address)) => {
-                process.enter(Stage::Serving, self.now);
-                self.display = Some(address);
+            NodeReport::Packets(packets) => self.ledger.packets = Some(packets),
+            NodeReport::Finished => self.enter(id, Stage::Finished),
+        }
+    }
+
+    fn told_by_display(&mut self, id: ProcessId, report: DisplayReport) {
+        match report {
+            DisplayReport::Heartbeat | DisplayReport::Incident(_) => {}
+            DisplayReport::Failed(why) => self.doom(id, format!("failed: {why}")),
+            DisplayReport::Restored(tiles) => self.restored(&tiles),
+            DisplayReport::Listening(address) => self.display_listens(id, address),
+            DisplayReport::Compared(comparison) => self.compared(&comparison),
+            DisplayReport::Revoked(revoked) => {
+                revoked.iter().for_each(|revocation| self.queue.forgotten(revocation.tile));
             }
-            Report::Display(DisplayReport::Finished(totals)) => {
-                process.enter(Stage::Finished, self.now);
+            DisplayReport::Finished(totals) => {
+                self.enter(id, Stage::Finished);
                 self.ledger.display = Some(totals);
             }
-            Report::Master(report) => self.told_by_master(id, report),
         }
     }
 
     fn told_by_master(&mut self, id: ProcessId, report: MasterReport) {
+        let Role::Master(cluster) = id.role else { return };
         match report {
             MasterReport::Heartbeat | MasterReport::Incident(_) => {}
-            MasterReport::Listening(address) => {
-                self.enter(id, Stage::Serving);
-                self.master = Some(address);
+            MasterReport::Listening(address) => self.master_listens(id, cluster, address),
+            MasterReport::TilesWanted(tiles) => {
+                let wanted = &mut self.cluster(cluster).wanted;
+                *wanted = wanted.saturating_add(tiles);
             }
-            MasterReport::TilesWanted(tiles) => self.queue.want(tiles),
             MasterReport::NodeReady { node, epoch } => {
                 self.ledger.first_tile.get_or_insert(self.now);
                 self.enter(ProcessId { role: Role::Node(node), epoch }, Stage::Working);
             }
-            MasterReport::Done { node, done, .. } => {
-                if self.queue.finish(done.tile, done.attempt) {
-                    self.ledger.accept(self.now, node, &done);
-                    if let Some(place) = self.places.get_mut(usize::from(node.0)) {
-                        place.failures = 0;
-                    }
-                } else {
-                    self.ledger.incident(self.now, format!("{id}: {} of {node} is done, but was not out", done.tile));
-                }
-            }
+            MasterReport::Done { node, epoch, done } => self.done((cluster, id.epoch), (node, epoch), &done),
             MasterReport::Lost(lost) => {
-                for attempt in lost {
-                    if self.queue.lose(attempt) {
-                        self.ledger.lost.push(attempt);
-                    }
+                for attempt in &lost {
+                    self.queue.lose(attempt.tile, attempt.attempt);
+                }
+                self.ledger.books.entry((cluster, id.epoch)).or_default().lost.extend(lost);
+            }
+            MasterReport::Returned(grants) => {
+                for (tile, attempt) in grants {
+                    self.queue.lose(tile, attempt);
                 }
             }
             MasterReport::Late { node, epoch, tile } => {
@@ -219,36 +237,47 @@ impl State {
             }
             MasterReport::Finished(totals) => {
                 self.enter(id, Stage::Finished);
-                self.ledger.master = Some(totals);
+                self.ledger.books.entry((cluster, id.epoch)).or_default().master = Some(totals);
             }
         }
     }
 
-    fn bus_listens(&mut self, id: ProcessId, address: SocketAddr) {
-        self.enter(id, Stage::Serving);
-        self.bus = Some(address);
-        self.actions.push(Action::Upload(address));
-        self.configure_master();
-    }
-
-    /// Once it is connected and the bus listens.
-    fn configure_master(&mut self) {
-        let id = ProcessId::first(Role::Master);
-        if let Some(bus) = self.bus {
-            self.tell(id, Command::Master(self.plan.configure_master(bus)));
+    /// The display has a tile's pixels.
+    fn done(&mut self, cluster: (ClusterId, Epoch), by: (NodeId, Epoch), done: &TileDone) {
+        self.ledger.told_done(cluster, done);
+        match self.queue.complete(done.tile, done.attempt, by, self.now) {
+            Completion::Unknown => {
+                self.ledger.incident(self.now, format!("{} of {} is done, but was not out", done.tile, by.0));
+            }
+            Completion::Extra => {}
+            Completion::Accepted if self.verification.is_condemned(by) => self.revoke(&[done.tile]),
+            Completion::Accepted => {
+                self.ledger.accept(self.now, by, done);
+                self.cluster(cluster.0).failures = 0;
+                self.display.failures = 0;
+                if let Some(place) = self.places.get_mut(usize::from(by.0.0)) {
+                    place.failures = 0;
+                }
+                if self.verification.accept(done.tile, by) {
+                    self.queue.check(done.tile, vec![by.0]);
+                }
+            }
         }
     }
 
-    /// Once it is connected and everything it needs is there.
-    fn configure_node(&mut self, id: ProcessId) {
-        let (Phase::Running, Some(bus), Some(master), Some(display)) =
-            (&self.phase, self.bus, self.master, self.display)
-        else {
-            return;
-        };
-        let addresses = Addresses { bus, master, display };
-        self.tell(id, Command::Node(self.plan.configure_node(addresses)));
-        self.enter(id, Stage::Serving);
+    /// Nodes that are connected, once everything they need is there.
+    pub(super) fn configure_nodes(&mut self) {
+        let (Phase::Running, Some(display)) = (&self.phase, self.display.address) else { return };
+        let waiting = self.table.nodes().filter(|node| node.stage == Stage::Connected);
+        let waiting: Vec<_> = waiting.map(|node| node.id).collect();
+        for id in waiting {
+            let Role::Node(node) = id.role else { continue };
+            let cluster = self.plan.cluster.of(node);
+            let Some((bus, master)) = self.cluster(cluster).servers() else { continue };
+            let addresses = Addresses { bus, master, display };
+            self.tell(id, Command::Node(self.plan.configure_node(cluster, addresses)));
+            self.enter(id, Stage::Serving);
+        }
     }
 
     fn disconnected(&mut self, id: ProcessId, nonsense: Option<String>) {
@@ -264,73 +293,79 @@ impl State {
     fn exited(&mut self, id: ProcessId, how: String) {
         let Some(process) = self.table.remove(id) else { return };
         self.actions.push(Action::HangUp(id));
-        let expected = process.stage == Stage::Finished;
-        let how = format!("{id} {}", process.doom.unwrap_or(how));
-        match id.node() {
-            Some(node) => {
-                self.tell_master(MasterCommand::NodeLost { node, epoch: id.epoch });
-                if !expected {
-                    self.ledger.incident(self.now, how);
-                }
-                if matches!(self.phase, Phase::Starting | Phase::Running) {
-                    self.replace(node, id.epoch);
-                }
-            }
-            None if expected => {}
-            None => self.fail(how),
-        }
-    }
-
-    /// A node's process is dead: another one takes its place, unless too many did in a row.
-    fn replace(&mut self, node: NodeId, epoch: Epoch) {
-        let Some(place) = self.places.get_mut(usize::from(node.0)) else { return };
-        place.failures += 1;
-        if place.failures < FAILURES_MAX {
-            return self.spawn(ProcessId { role: Role::Node(node), epoch: Epoch(epoch.0 + 1) });
-        }
-        place.set_aside = true;
-        self.ledger
-            .incident(self.now, format!("{node} is set aside: it failed {FAILURES_MAX} times without a tile done"));
-        self.queue.set_aside(node);
-        self.tell_master(MasterCommand::NodeSetAside { node });
-        if self.places.iter().all(|place| place.set_aside) {
-            self.end(Cause::NoNodes);
+        let was_expected = process.stage == Stage::Finished;
+        let how = if process.leaving { "left, as it was asked to".to_owned() } else { process.doom.unwrap_or(how) };
+        let how = format!("{id} {how}");
+        match id.role {
+            Role::Node(node) => self.node_exited((node, id.epoch), how, was_expected, process.leaving),
+            Role::Bus(cluster) | Role::Master(cluster) => self.server_exited(cluster, how, was_expected),
+            Role::Display => self.display_exited(how, was_expected),
+            Role::Manager => {}
         }
     }
 
     /// What became possible by the event.
     fn advance(&mut self) {
-        if matches!(self.phase, Phase::Starting) && self.uploaded && self.master.is_some() && self.display.is_some() {
-            self.phase = Phase::Running;
-            let connected = self.table.nodes().filter(|process| process.stage == Stage::Connected);
-            let connected: Vec<_> = connected.map(|process| process.id).collect();
-            connected.into_iter().for_each(|id| self.configure_node(id));
-        }
-        if matches!(self.phase, Phase::Running) {
-            let grants = self.queue.grants();
-            if !grants.is_empty() {
-                self.tell_master(MasterCommand::Tiles(grants));
-            }
+        if matches!(self.phase, Phase::Running) && self.display.address.is_some() {
+            self.hand_out();
             if self.queue.missing() == 0 {
-                self.end(Cause::Complete);
+                self.verify_latest();
+                if self.verification.is_idle() && matches!(self.phase, Phase::Running) {
+                    self.end(Cause::Complete);
+                }
             }
         }
         self.advance_ending();
+    }
+
+    /// Gives masters what they can take.
+    fn hand_out(&mut self) {
+        for cluster in self.plan.cluster.ids() {
+            let Cluster { wanted, .. } = *self.cluster(cluster);
+            let available = self.available(cluster);
+            // A master without nodes would give all of it back.
+            if wanted == 0 || available.is_empty() || self.cluster(cluster).servers().is_none() {
+                continue;
+            }
+            let grants = self.queue.grants(cluster, wanted, &available, self.now);
+            if !grants.is_empty() {
+                self.cluster(cluster).wanted -= grants.len() as u32;
+                self.tell_master(cluster, MasterCommand::Tiles(grants));
+            }
+        }
+    }
+
+    /// All tiles are there: the last ones of each process are verified too, as far as there is somebody to do it.
+    fn verify_latest(&mut self) {
+        for (tile, node) in self.verification.latest() {
+            self.queue.check(tile, vec![node]);
+        }
+        for tile in self.queue.give_up_checks(&self.all_available()) {
+            if self.verification.give_up(tile) {
+                return self.fail(format!("nodes disagree about {tile}, and none is left to settle it"));
+            }
+            self.ledger.incident(self.now, format!("{tile} is not verified: no other node is left"));
+        }
+        self.hand_out();
     }
 
     fn tick(&mut self) {
         for (id, why) in self.table.overdue(self.now, &self.plan.run.deadlines) {
             self.doom(id, why);
         }
+        if self.verification.is_overdue(self.now, self.queue.is_quiet()) {
+            self.ask_for_comparisons();
+        }
         self.tick_ending();
     }
 
-    fn spawn(&mut self, id: ProcessId) {
-        self.table.insert(Process::spawned(id, self.now));
+    pub(super) fn spawn(&mut self, id: ProcessId) {
+        let connect_deadline = Some(self.plan.connect_deadline(id.role));
+        self.table.insert(Process { connect_deadline, ..Process::spawned(id, self.now) });
         self.actions.push(Action::Spawn(id));
     }
 
-    fn enter(&mut self, id: ProcessId, stage: Stage) {
+    pub(super) fn enter(&mut self, id: ProcessId, stage: Stage) {
         let now = self.now;
         if let Some(process) = self.table.get_mut(id) {
             process.enter(stage, now);
@@ -357,18 +392,16 @@ impl State {
         }
     }
 
-    /// A master that does not serve yet has handed nothing out: there is nothing to tell it.
-    fn tell_master(&mut self, command: MasterCommand) {
-        if self.table.holder(Role::Master).is_some_and(|master| master.stage == Stage::Serving) {
-            self.tell(ProcessId::first(Role::Master), Command::Master(command));
-        }
-    }
-
     /// Tells a process to come to its end, in its own words.
     pub(super) fn tell_to_finish(&mut self, id: ProcessId) {
         let command = match id.role {
-            Role::Bus => Command::Bus(BusCommand::Finish { lost: self.ledger.lost.clone() }),
-            Role::Master => Command::Master(MasterCommand::Finish),
+            Role::Bus(cluster) => {
+                let mut lost = self.ledger.books.entry((cluster, id.epoch)).or_default().lost.clone();
+                // Where the master did not live to tell.
+                lost.extend(self.queue.open(cluster));
+                Command::Bus(BusCommand::Finish { lost })
+            }
+            Role::Master(_) => Command::Master(MasterCommand::Finish),
             Role::Node(_) => Command::Node(NodeCommand::Finish),
             Role::Display => Command::Display(DisplayCommand::Finish),
             Role::Manager => return,

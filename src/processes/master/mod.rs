@@ -3,8 +3,8 @@
 //! `state` decides; this shell moves messages: commands of the manager, requests of nodes, and the modelled
 //! jobs to the bus.
 
-mod seat;
-mod state;
+pub(in crate::processes) mod seat;
+pub(in crate::processes) mod state;
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -15,6 +15,7 @@ use tokio::time::{MissedTickBehavior, interval};
 
 use self::seat::NodeProcess;
 use self::state::{Action, Event, State};
+use crate::ids::NodeId;
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender, connect};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, MasterTotals};
@@ -56,14 +57,16 @@ pub async fn run(child: Child) -> Result<(), MasterError> {
         Some(_) => return Err(MasterError::NotConfigured),
         None => return Err(MasterError::ManagerGone),
     };
-    let nodes = configuration.nodes;
-    let listener = Listener::bind(link.interface, child.bootstrap.token, move |role, _| match role {
-        Role::Node(node) if node.0 < nodes => Ok(()),
-        _ => Err(format!("one of {nodes} nodes")),
+    let Role::Master(cluster) = child.bootstrap.role else { return Err(MasterError::NotConfigured) };
+    let (NodeId(first), nodes) = (configuration.first_node, configuration.nodes);
+    let listener = Listener::bind(child.interface(link.interface), child.credentials(), move |role, _| match role {
+        Role::Node(node) if (first..first + nodes).contains(&node.0) => Ok(()),
+        _ => Err(format!("one of nodes {first} to {}", first + nodes - 1)),
     })
     .await?;
-    let bus = connect(Role::Bus, configuration.bus, &child.hello(), BUS_DEADLINE).await?;
-    report(&link, MasterReport::Listening(listener.address())).await?;
+    let bus = connect(Role::Bus(cluster), configuration.bus, &child.introduction(), BUS_DEADLINE).await?;
+    let address = child.advertised(listener.address(), link.interface).await?;
+    report(&link, MasterReport::Listening(address)).await?;
     let totals = Shell::new(&configuration, bus).serve(&mut link, listener).await?;
     // The connection to the bus is closed: all modelled messages have left before they are asked for.
     report(&link, MasterReport::Finished(totals)).await?;

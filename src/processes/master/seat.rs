@@ -7,9 +7,9 @@ use crate::ids::{Attempt, Epoch, NodeId, TileId};
 
 /// One process of those that hold a node's place one after the other.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub(super) struct NodeProcess {
-    pub(super) node: NodeId,
-    pub(super) epoch: Epoch,
+pub(in crate::processes) struct NodeProcess {
+    pub(in crate::processes) node: NodeId,
+    pub(in crate::processes) epoch: Epoch,
 }
 
 impl fmt::Display for NodeProcess {
@@ -22,11 +22,15 @@ impl fmt::Display for NodeProcess {
 pub(super) struct Seat {
     /// Of the process that sits or sat here last.
     pub(super) epoch: Option<Epoch>,
+    /// This process and its predecessors are dead, whatever of theirs is still under way.
+    pub(super) dead: Option<Epoch>,
     /// At most [`crate::protocol::work::JOBS_PER_NODE`].
     pub(super) held: Vec<Held>,
     /// Whether the manager knows that it is at work.
     pub(super) announced: bool,
-    told_late: bool,
+    pub(super) told_late: bool,
+    /// Nobody will sit here any more.
+    pub(super) set_aside: bool,
 }
 
 /// An attempt that is out.
@@ -40,6 +44,14 @@ pub(super) struct Held {
 impl Seat {
     pub(super) fn taken_by(epoch: Epoch) -> Self {
         Self { epoch: Some(epoch), ..Self::default() }
+    }
+
+    pub(super) fn is_dead(&self, epoch: Epoch) -> bool {
+        self.dead.is_some_and(|dead| epoch <= dead)
+    }
+
+    pub(super) fn holds(&self, tile: TileId) -> bool {
+        self.held.iter().any(|held| held.tile == tile)
     }
 
     /// Whether the attempt was held here.

@@ -17,7 +17,7 @@ const TILES_A_NODE: u32 = 8;
 const TILES_ASKED_MIN: u32 = TILES_A_NODE / 2;
 
 #[derive(Debug)]
-pub(super) enum Event {
+pub(in crate::processes) enum Event {
     Command(MasterCommand),
     Connected(NodeProcess),
     /// The connection ended. The process is not known to be dead yet: the manager says when it is.
@@ -29,7 +29,7 @@ pub(super) enum Event {
 }
 
 #[derive(Clone, PartialEq, Debug)]
-pub(super) enum Action {
+pub(in crate::processes) enum Action {
     Report(MasterReport),
     Hand {
         to: NodeProcess,
@@ -45,10 +45,11 @@ pub(super) enum Action {
 }
 
 #[derive(Debug)]
-pub(super) struct State {
+pub(in crate::processes) struct State {
     /// From a tile's issue to its completion.
     tile_deadline: Duration,
-    /// By node id.
+    /// In order of node ids, from this one on.
+    first_node: NodeId,
     seats: Vec<Seat>,
     queue: VecDeque<TileGrant>,
     /// Nodes that can take a tile, one entry for each tile, longest waiting first.
@@ -62,9 +63,10 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(configuration: &MasterConfiguration) -> Self {
+    pub(in crate::processes) fn new(configuration: &MasterConfiguration) -> Self {
         Self {
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
+            first_node: configuration.first_node,
             seats: (0..configuration.nodes).map(|_| Seat::default()).collect(),
             queue: VecDeque::new(),
             waiting: VecDeque::new(),
@@ -76,7 +78,7 @@ impl State {
     }
 
     /// What is to be done about an event, in order. `now` is the time since any fixed moment.
-    pub(super) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+    pub(in crate::processes) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
         match event {
             Event::Command(command) => self.obey(command),
             Event::Connected(process) => self.connected(process),
@@ -87,19 +89,29 @@ impl State {
             Event::Tick => self.report_late(now),
         }
         self.hand_out(now);
+        self.give_back();
         self.ask();
         std::mem::take(&mut self.actions)
     }
 
+    /// Tiles in the cluster's queue or with its nodes.
+    pub(in crate::processes) fn tiles(&self) -> usize {
+        self.queue.len() + self.seats.iter().map(|seat| seat.held.len()).sum::<usize>()
+    }
+
     fn obey(&mut self, command: MasterCommand) {
         match command {
+            MasterCommand::Heartbeat => {}
             MasterCommand::Configure(_) => self.incident("configured twice; the first one counts".to_owned()),
             MasterCommand::Tiles(grants) => {
                 self.asked = self.asked.saturating_sub(grants.len() as u32);
                 self.queue.extend(grants);
             }
-            MasterCommand::NodeLost { node, epoch } => self.lose(NodeProcess { node, epoch }),
+            MasterCommand::NodeLost { node, epoch } => self.bury(NodeProcess { node, epoch }),
             MasterCommand::NodeSetAside { node } => {
+                if let Some(place) = self.place(node) {
+                    self.seats[place].set_aside = true;
+                }
                 self.queue.iter_mut().filter(|grant| grant.node == Some(node)).for_each(|grant| grant.node = None);
             }
             MasterCommand::Finish => self.finish(),
@@ -107,15 +119,16 @@ impl State {
     }
 
     fn connected(&mut self, process: NodeProcess) {
-        let Some(seat) = self.seats.get(usize::from(process.node.0)) else { return };
-        if seat.epoch.is_some_and(|current| process.epoch <= current) {
-            return self.dismiss(process, "has a successor, or came twice");
+        let Some(place) = self.place(process.node) else { return };
+        let Seat { epoch, dead, set_aside, .. } = self.seats[place];
+        if epoch.is_some_and(|current| process.epoch <= current) || self.seats[place].is_dead(process.epoch) {
+            return self.dismiss(process, "is dead, has a successor, or came twice");
         }
         // A process is replaced when it is dead only.
-        if let Some(epoch) = seat.epoch {
+        if let Some(epoch) = epoch {
             self.lose(NodeProcess { epoch, ..process });
         }
-        self.seats[usize::from(process.node.0)] = Seat::taken_by(process.epoch);
+        self.seats[place] = Seat { dead, set_aside, ..Seat::taken_by(process.epoch) };
     }
 
     fn disconnected(&mut self, process: NodeProcess) {
@@ -126,7 +139,7 @@ impl State {
 
     fn ready(&mut self, process: NodeProcess) {
         let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
-        let Some(seat) = self.seat(process) else { return };
+        let Some(seat) = self.seat(process).filter(|seat| !seat.is_dead(process.epoch)) else { return };
         if seat.held.len() + waiting >= JOBS_PER_NODE {
             return self.dismiss(process, &format!("asked for more than {JOBS_PER_NODE} tiles"));
         }
@@ -140,7 +153,7 @@ impl State {
             self.totals.attempts_accepted += 1;
             self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: END_OF_JOB_BYTES }));
             self.actions.push(Action::Report(MasterReport::Done { node, epoch, done }));
-        } else if self.lost.remove(&LostAttempt { node, tile, attempt }) {
+        } else if self.lost.remove(&LostAttempt { tile, attempt }) {
             // It was on its way when its node died.
             self.totals.attempts_lost -= 1;
             self.totals.attempts_stale += 1;
@@ -149,12 +162,21 @@ impl State {
         }
     }
 
+    /// The manager says that the process is dead. What it said before may arrive only now.
+    fn bury(&mut self, process: NodeProcess) {
+        self.lose(process);
+        if let Some(place) = self.place(process.node) {
+            let dead = &mut self.seats[place].dead;
+            *dead = (*dead).max(Some(process.epoch));
+        }
+    }
+
     /// The process is dead: what it held is lost.
     fn lose(&mut self, process: NodeProcess) {
         let Some(seat) = self.seat(process) else { return };
         let held = std::mem::take(&mut seat.held);
         self.stop_waiting(process.node);
-        let lost = |Held { tile, attempt, .. }| LostAttempt { node: process.node, tile, attempt };
+        let lost = |Held { tile, attempt, .. }| LostAttempt { tile, attempt };
         let lost: Vec<_> = held.into_iter().map(lost).collect();
         if !lost.is_empty() {
             self.totals.attempts_lost += lost.len() as u64;
@@ -164,9 +186,8 @@ impl State {
     }
 
     fn report_late(&mut self, now: Duration) {
-        for (node, seat) in self.seats.iter_mut().enumerate() {
+        for (node, seat) in (self.first_node.0..).map(NodeId).zip(&mut self.seats) {
             if let (Some(epoch), Some(tile)) = (seat.epoch, seat.late_tile(now, self.tile_deadline)) {
-                let node = NodeId(node as u16);
                 self.actions.push(Action::Report(MasterReport::Late { node, epoch, tile }));
             }
         }
@@ -175,9 +196,9 @@ impl State {
     fn finish(&mut self) {
         self.queue.clear();
         self.waiting.clear();
-        for node in 0..self.seats.len() {
-            if let Some(epoch) = self.seats[node].epoch {
-                self.lose(NodeProcess { node: NodeId(node as u16), epoch });
+        for (node, place) in (self.first_node.0..).map(NodeId).zip(0..self.seats.len()) {
+            if let Some(epoch) = self.seats[place].epoch {
+                self.lose(NodeProcess { node, epoch });
             }
         }
         self.actions.push(Action::End(self.totals));
@@ -187,8 +208,9 @@ impl State {
     fn hand_out(&mut self, now: Duration) {
         let mut next = 0;
         while let Some(&node) = self.waiting.get(next) {
-            let may_trace = |grant: &TileGrant| grant.node.is_none_or(|only| only == node);
-            let Some(grant) = self.queue.iter().position(may_trace).and_then(|place| self.queue.remove(place)) else {
+            let holds = |tile| self.place(node).is_some_and(|place| self.seats[place].holds(tile));
+            let suits = |grant: &TileGrant| may_trace(node, grant) && !holds(grant.tile);
+            let Some(grant) = self.queue.iter().position(suits).and_then(|place| self.queue.remove(place)) else {
                 next += 1;
                 continue;
             };
@@ -197,8 +219,23 @@ impl State {
         }
     }
 
+    /// Grants that are for none of the nodes that are left.
+    fn give_back(&mut self) {
+        let (first, seats) = (self.first_node.0, &self.seats);
+        let can_be_taken = |grant: &TileGrant| {
+            let mut nodes = (first..).map(NodeId).zip(seats);
+            nodes.any(|(node, seat)| !seat.set_aside && may_trace(node, grant))
+        };
+        let returned: Vec<_> = self.queue.iter().filter(|grant| !can_be_taken(grant)).cloned().collect();
+        if !returned.is_empty() {
+            self.queue.retain(|grant| !returned.contains(grant));
+            let returned = returned.into_iter().map(|grant| (grant.tile, grant.attempt)).collect();
+            self.actions.push(Action::Report(MasterReport::Returned(returned)));
+        }
+    }
+
     fn hand(&mut self, now: Duration, node: NodeId, TileGrant { tile, attempt, .. }: TileGrant) {
-        let Some(seat) = self.seats.get_mut(usize::from(node.0)) else { return };
+        let Some(seat) = self.place(node).map(|place| &mut self.seats[place]) else { return };
         let Some(epoch) = seat.epoch else { return };
         seat.held.push(Held { tile, attempt, since: now });
         let announce = !std::mem::replace(&mut seat.announced, true);
@@ -223,8 +260,13 @@ impl State {
 
     /// The seat of a process as long as no successor sits there.
     fn seat(&mut self, process: NodeProcess) -> Option<&mut Seat> {
-        let seat = self.seats.get_mut(usize::from(process.node.0));
+        let seat = self.place(process.node).map(|place| &mut self.seats[place]);
         seat.filter(|seat| seat.epoch == Some(process.epoch))
+    }
+
+    fn place(&self, node: NodeId) -> Option<usize> {
+        let place = usize::from(node.0.checked_sub(self.first_node.0)?);
+        (place < self.seats.len()).then_some(place)
     }
 
     fn stop_waiting(&mut self, node: NodeId) {
@@ -244,6 +286,10 @@ impl State {
     }
 }
 
+fn may_trace(node: NodeId, grant: &TileGrant) -> bool {
+    grant.node.is_none_or(|only| only == node) && !grant.except.contains(&node)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -258,6 +304,7 @@ mod tests {
     fn state(nodes: u16) -> State {
         let mut state = State::new(&MasterConfiguration {
             bus: ([127, 0, 0, 1], 1).into(),
+            first_node: NodeId(0),
             nodes,
             assignment: Assignment::OnDemand,
             tile_deadline_milliseconds: 1000,
@@ -281,6 +328,7 @@ mod tests {
             tile: TileId(tile),
             attempt: Attempt(0),
             node: node.map(NodeId),
+            except: Vec::new(),
         };
         command(state, MasterCommand::Tiles(tiles.into_iter().map(grant).collect()))
     }
@@ -345,6 +393,7 @@ mod tests {
     fn the_manager_is_asked_ahead_and_in_handfuls() {
         let mut state = State::new(&MasterConfiguration {
             bus: ([127, 0, 0, 1], 1).into(),
+            first_node: NodeId(0),
             nodes: 2,
             assignment: Assignment::OnDemand,
             tile_deadline_milliseconds: 1000,
@@ -371,11 +420,25 @@ mod tests {
         // The connection's end is not yet a death.
         assert!(reports(at(&mut state, 1, Event::Disconnected(first(0)))).is_empty());
         let told = reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) }));
-        let lost = |tile| LostAttempt { node: NodeId(0), tile: TileId(tile), attempt: Attempt(0) };
+        let lost = |tile| LostAttempt { tile: TileId(tile), attempt: Attempt(0) };
         assert_eq!(told, [MasterReport::Lost(vec![lost(0), lost(1)])]);
         // Told again, nothing is lost twice.
         assert!(reports(command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) })).is_empty());
         assert_eq!(totals(&mut state), MasterTotals { attempts_issued: 2, attempts_lost: 2, ..Default::default() });
+    }
+
+    #[test]
+    fn a_dead_node_gets_nothing_whatever_it_asked_for() {
+        let mut state = state(1);
+        tiles(&mut state, [(0, None)]);
+        let dead = MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(1) };
+        command(&mut state, dead);
+        assert!(handed(&ready(&mut state, 0)).is_empty(), "it asked before it died");
+        let late = at(&mut state, 1, Event::Connected(NodeProcess { node: NodeId(0), epoch: Epoch(1) }));
+        assert!(late.iter().any(|action| matches!(action, Action::Dismiss(_))), "it died before it was let in");
+        let next = NodeProcess { node: NodeId(0), epoch: Epoch(2) };
+        at(&mut state, 1, Event::Connected(next));
+        assert_eq!(handed(&at(&mut state, 1, Event::Request(next, WorkRequest::Ready))), [(0, 0)]);
     }
 
     #[test]

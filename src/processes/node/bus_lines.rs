@@ -3,11 +3,11 @@
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
-use crate::ids::{Address, Attempt, TileId};
+use crate::ids::{Address, Attempt, ClusterId, TileId};
 use crate::machine::local_memory::LineSource;
 use crate::machine::transaction::FetchRequest;
-use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault};
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault, Introduction};
+use crate::protocol::hello::Role;
 use crate::protocol::memory::{MemoryReply, MemoryRequest, PIXEL_BYTES};
 
 /// For the bus to answer. It waits for its log, and for the requests of the other nodes.
@@ -25,8 +25,8 @@ pub struct BusLines {
 impl BusLines {
     /// # Errors
     /// The bus does not answer within its deadline, or refuses this node.
-    pub fn connect(bus: SocketAddr, hello: &Hello) -> Result<Self, ConnectionError> {
-        let connection = BlockingConnection::connect(Role::Bus, bus, hello, BUS_DEADLINE)?;
+    pub fn connect(cluster: ClusterId, bus: SocketAddr, introduction: &Introduction) -> Result<Self, ConnectionError> {
+        let connection = BlockingConnection::connect(Role::Bus(cluster), bus, introduction, BUS_DEADLINE)?;
         Ok(Self { connection, tile: TileId(0), attempt: Attempt(0), stall: Duration::ZERO })
     }
 

@@ -12,12 +12,13 @@ use tokio::time::timeout;
 use super::*;
 use crate::database::Database;
 use crate::database::verify::Verified;
-use crate::ids::{Address, Attempt, Epoch, TileId};
+use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::transaction::FetchRequest;
-use crate::protocol::connection::Listener;
+use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
+use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::scene::{Camera, Light, Material, Scene, Sphere};
@@ -73,7 +74,7 @@ fn expected(database: &Verified) -> Vec<Vec<u8>> {
 }
 
 async fn listen() -> Listener {
-    Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, |_, _| Ok(())).await.expect("loopback")
+    Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials::plain(TOKEN), |_, _| Ok(())).await.expect("loopback")
 }
 
 /// What the bus was asked for.
@@ -140,11 +141,21 @@ async fn play_master(mut listener: Listener, all: oneshot::Sender<Vec<TileDone>>
     while let Ok(Some(_)) = receiver.receive().await {}
 }
 
-async fn play_display(mut listener: Listener) -> Vec<Vec<u8>> {
+async fn play_display(listener: Listener) -> Vec<Vec<u8>> {
+    play_mortal_display(listener, usize::MAX).await
+}
+
+/// Dies when it has received so many tiles, before it acknowledges the last of them.
+async fn play_mortal_display(mut listener: Listener, tiles_max: usize) -> Vec<Vec<u8>> {
     let mut tiles = vec![Vec::new(); TILING.tile_count() as usize];
     let (_, connection) = listener.arrival().await.expect("the node");
     let (mut sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+    let mut received = 0;
     while let Ok(Some((TilePixels { tile, attempt, crc32c }, planes))) = receiver.receive_with_bulk().await {
+        received += 1;
+        if received == tiles_max {
+            break;
+        }
         assert_eq!(crc32c, crc32c::crc32c(&planes));
         assert_eq!(planes.len(), Pixels::byte_len(TILING.rect(tile).expect("in the image").pixel_count(), AOV));
         tiles[tile.0 as usize] = planes.to_vec();
@@ -155,42 +166,47 @@ async fn play_display(mut listener: Listener) -> Vec<Vec<u8>> {
 
 type Node = thread::JoinHandle<Result<(), NodeError>>;
 
-/// Starts a node as [`run`] does, but without standard input and log. What is returned tells it to finish.
-async fn start_node(configuration: NodeConfiguration) -> (oneshot::Sender<()>, Node) {
+/// Starts a node as [`run`] does, but without standard input and log. What is returned commands it.
+async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeCommand>, Node) {
     let mut manager = listen().await;
     let bootstrap = Bootstrap {
         role: Role::Node(NodeId(0)),
         epoch: Epoch(0),
         token: TOKEN,
         manager: manager.address(),
-        log: "unused".into(),
+        identity: None,
+        bind: None,
+        advertise: None,
+        log: None,
         heartbeat_milliseconds: 50,
     };
     let node = thread::spawn(|| {
-        let child = Child { bootstrap };
+        let child = Child::new(bootstrap, false).expect("no keys");
         let mut link = child.control(NodeReport::Heartbeat).expect("welcome");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        let outcome = runtime.block_on(work(&child, &mut link));
+        let outcome = runtime.block_on(work(&child, &mut link)).map(drop);
         link.close();
         outcome
     });
     let (_, connection) = manager.arrival().await.expect("the node");
     let (mut to_node, mut from_node) = connection.split::<NodeCommand, NodeReport>();
     to_node.send(&NodeCommand::Configure(Box::new(configuration))).await.expect("awaited");
-    let (finish, mut finished) = oneshot::channel();
+    let (commands, mut awaited) = mpsc::channel(4);
     tokio::spawn(async move {
         while let Ok(Some(NodeReport::Heartbeat | NodeReport::Packets(_))) = from_node.receive().await {
-            if finished.try_recv().is_ok() {
-                to_node.send(&NodeCommand::Finish).await.expect("awaited");
+            to_node.send(&NodeCommand::Heartbeat).await.expect("awaited");
+            while let Ok(command) = awaited.try_recv() {
+                to_node.send(&command).await.expect("awaited");
             }
         }
     });
-    (finish, node)
+    (commands, node)
 }
 
 fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3]) -> NodeConfiguration {
     let [master, bus, display] = servers.map(Listener::address);
     NodeConfiguration {
+        cluster: ClusterId(0),
         master,
         bus,
         display,
@@ -224,9 +240,9 @@ async fn its_tiles_are_those_of_the_tracer_alone_and_its_counts_those_of_the_bus
             let tiles = tokio::spawn(play_display(display));
             let (all, all_done) = oneshot::channel();
             tokio::spawn(play_master(master, all));
-            let (finish, node) = start_node(configuration).await;
+            let (commands, node) = start_node(configuration).await;
             let done = timeout(SOON, all_done).await.expect("in time").expect("no panic");
-            finish.send(()).expect("running");
+            commands.send(NodeCommand::Finish).await.expect("running");
             ended(node).await.expect("told to finish");
             assert!(tiles.await.expect("no panic") == expected, "{replacement:?}, {size:?}");
             assert!(done.iter().all(|done| done.attempt.0 == done.tile.0 && done.render_cpu_nanoseconds > 0));
@@ -251,7 +267,7 @@ async fn a_bus_that_leaves_ends_the_node() {
         tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), requests));
         tokio::spawn(play_display(display));
         tokio::spawn(play_master(master, oneshot::channel().0));
-        let (_finish, node) = start_node(configuration).await;
+        let (_commands, node) = start_node(configuration).await;
         let error = ended(node).await.expect_err("no bus").to_string();
         assert!(error.starts_with("tracer: ") && error.contains("bus at 127.0.0.1"), "{error}");
     }
@@ -267,16 +283,75 @@ async fn a_corrupt_database_ends_the_node() {
     tokio::spawn(play_bus(bus, corrupt, Arc::default(), u64::MAX));
     tokio::spawn(play_display(display));
     tokio::spawn(play_master(master, oneshot::channel().0));
-    let (_finish, node) = start_node(configuration).await;
+    let (_commands, node) = start_node(configuration).await;
     let error = ended(node).await.expect_err("corrupt").to_string();
     assert!(error.contains("the database is corrupt: octree node"), "{error}");
 }
 
 #[tokio::test]
+async fn a_display_that_dies_is_replaced_and_lacks_nothing() {
+    let database = database();
+    let expected = expected(&database);
+    // Before it was dialled, with the first tile, and later.
+    for tiles_max in 0..=4 {
+        let (master, bus, first, second) = (listen().await, listen().await, listen().await, listen().await);
+        let configuration = configuration(&database, ALL, [&master, &bus, &first]);
+        tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
+        let (all, all_done) = oneshot::channel();
+        tokio::spawn(play_master(master, all));
+        let address = second.address();
+        let dying = tokio::spawn(async move {
+            match tiles_max {
+                0 => drop(first),
+                _ => return play_mortal_display(first, tiles_max).await,
+            }
+            vec![Vec::new(); TILING.tile_count() as usize]
+        });
+        let (commands, node) = start_node(configuration).await;
+        let mut tiles = timeout(SOON, dying).await.expect("in time").expect("no panic");
+        let successor = tokio::spawn(play_display(second));
+        commands.send(NodeCommand::Display(address)).await.expect("running");
+        let done = timeout(SOON, all_done).await.expect("in time").expect("no panic");
+        assert_eq!(done.len(), expected.len(), "each is told once");
+        commands.send(NodeCommand::Finish).await.expect("running");
+        ended(node).await.expect("told to finish");
+        for (tile, again) in tiles.iter_mut().zip(successor.await.expect("no panic")) {
+            // An acknowledgement may have died on its way: then the tile came twice, and is the same.
+            assert!(tile.is_empty() || again.is_empty() || *tile == again);
+            if tile.is_empty() {
+                *tile = again;
+            }
+        }
+        assert!(tiles == expected, "{tiles_max}");
+    }
+}
+
+#[tokio::test]
+async fn a_display_that_hangs_up_is_dialled_again() {
+    let database = database();
+    let (master, bus, mut display) = (listen().await, listen().await, listen().await);
+    let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+    tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
+    let (all, all_done) = oneshot::channel();
+    tokio::spawn(play_master(master, all));
+    let tiles = tokio::spawn(async move {
+        let (_, connection) = display.arrival().await.expect("the node");
+        let (sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+        receiver.receive_with_bulk().await.expect("whole frames").expect("a tile");
+        drop((sender, receiver));
+        play_display(display).await
+    });
+    let (commands, node) = start_node(configuration).await;
+    timeout(SOON, all_done).await.expect("in time").expect("no panic");
+    commands.send(NodeCommand::Finish).await.expect("running");
+    ended(node).await.expect("told to finish");
+    assert!(tiles.await.expect("no panic") == expected(&database));
+}
+
+#[tokio::test]
 async fn a_master_or_display_that_breaks_the_conversation_is_named() {
     let database = database();
-    // A tile that is not in the image; and a display that hangs up, which is noticed by reading or by writing to it.
-    let broken = [(99, ["the master", "handed out tile 99"]), (0, ["display", "closed"])];
+    let broken = [(99, ["the master", "handed out tile 99"]), (0, ["display refused a tile", "not with me"])];
     for (tile, expected) in broken {
         let (mut master, bus, mut display) = (listen().await, listen().await, listen().await);
         let configuration = configuration(&database, ALL, [&master, &bus, &display]);
@@ -290,10 +365,12 @@ async fn a_master_or_display_that_breaks_the_conversation_is_named() {
         });
         tokio::spawn(async move {
             let (_, connection) = display.arrival().await.expect("the node");
-            let (_sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+            let (mut sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
+            receiver.receive_with_bulk().await.expect("whole frames");
+            let _ = sender.send(&ImageReply::Refused("not with me".to_owned())).await;
             receiver.receive_with_bulk().await
         });
-        let (_finish, node) = start_node(configuration).await;
+        let (_commands, node) = start_node(configuration).await;
         let error = ended(node).await.expect_err("broken").to_string();
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");
     }

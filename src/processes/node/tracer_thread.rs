@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::io;
+use std::sync::Arc;
 use std::thread;
 
 use crossbeam_channel as channel;
@@ -12,8 +13,9 @@ use tokio::sync::mpsc;
 use super::bus_lines::BusLines;
 use super::state::{Job, Traced};
 use super::tile_memory::{self, TileMemory};
+use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};
-use crate::protocol::hello::{Hello, Role};
+use crate::protocol::hello::Role;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::tracer::AovSet;
 
@@ -38,11 +40,11 @@ pub struct Tracer {
 impl Tracer {
     /// # Errors
     /// The system has no thread left.
-    pub fn start(configuration: NodeConfiguration, hello: Hello) -> io::Result<Self> {
+    pub fn start(configuration: NodeConfiguration, introduction: Introduction) -> io::Result<Self> {
         let (jobs, job_receiver) = channel::bounded(JOBS_PER_NODE);
         let (sender, said) = mpsc::channel(JOBS_PER_NODE);
         thread::Builder::new().name("tracer".to_owned()).spawn(move || {
-            if let Err(error) = trace_all(&configuration, &hello, &job_receiver, &sender) {
+            if let Err(error) = trace_all(&configuration, &introduction, &job_receiver, &sender) {
                 // An error means that the process ends anyway, here as below.
                 let _ = sender.blocking_send(FromTracer::Failed(with_causes(&*error)));
             }
@@ -53,13 +55,13 @@ impl Tracer {
 
 fn trace_all(
     configuration: &NodeConfiguration,
-    hello: &Hello,
+    introduction: &Introduction,
     jobs: &channel::Receiver<Job>,
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
-    let bus = BusLines::connect(configuration.bus, hello)?;
-    let Role::Node(node) = hello.role else { return Err("this process is no node".into()) };
-    tile_memory::with(configuration, (node, hello.epoch), bus, |memory| {
+    let bus = BusLines::connect(configuration.cluster, configuration.bus, introduction)?;
+    let Role::Node(node) = introduction.hello.role else { return Err("this process is no node".into()) };
+    tile_memory::with(configuration, (node, introduction.hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));
         for job in jobs {
             let traced = trace(&job, memory, configuration.aov)?;
@@ -79,7 +81,7 @@ fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, 
     memory.bus().tell_pixels(job.rect.pixel_count())?;
     let Job { tile, attempt, .. } = *job;
     let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
-    Ok(Traced { done: Box::new(done), pixels })
+    Ok(Traced { done: Box::new(done), pixels: Arc::new(pixels) })
 }
 
 fn thread_cpu_nanoseconds() -> nix::Result<u64> {

@@ -28,10 +28,11 @@ use self::voice::{Due, Tally, Voice};
 use super::loader::Loader;
 use super::token;
 use crate::database::{Layout, Section};
+use crate::ids::ClusterId;
 use crate::machine::transaction::{Initiator, Kind, Transaction};
 use crate::preparation::{PreparationError, prepare_topology};
-use crate::protocol::connection::ConnectionError;
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::connection::{ConnectionError, Credentials};
+use crate::protocol::hello::Role;
 use crate::recording::bus_log::{self, ReadError, Reader};
 use crate::scene::SourceError;
 use crate::topology::Topology;
@@ -109,7 +110,7 @@ impl PlayError {
 /// the bus refuses this process, a piece of the image or a request, or is silent. Answers that differ are no error: they
 /// are counted.
 pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
-    let token = token::read(&request.token).map_err(PlayError::Token)?;
+    let credentials = Credentials::plain(token::read(&request.token).map_err(PlayError::Token)?);
     let topology = Topology::read(&request.recording.join("topology.toml"), &[])?;
     let log = open(request)?;
     let prepared = prepare_topology(&topology)?;
@@ -117,15 +118,15 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let image = database.bytes();
     check_layout(&log.metadata().layout, &database.header.layout)?;
     check_hash(request.scene_sha256.as_deref(), image)?;
-    let score = Score::read(log, image, topology.cluster.nodes, request.may_be_damaged)?;
+    let score = Score::read(log, image, topology.cluster.all_nodes(), request.may_be_damaged)?;
 
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| PlayError::System { what: "event queue", error })?;
     let start = Instant::now();
-    let loader = runtime.block_on(upload(request.bus, token, open(request)?, image))?;
+    let loader = runtime.block_on(upload(request.bus, &credentials, open(request)?, image))?;
     let upload_seconds = start.elapsed().as_secs_f64();
 
-    let voices = connect(request.bus, token, &score)?;
+    let voices = connect(request.bus, &credentials, &score)?;
     let start = Instant::now();
     let tally = say(request, &score, voices, start)?;
     let played = Played { seconds: start.elapsed().as_secs_f64(), upload_seconds, uploaded_bytes: image.len() as u64 };
@@ -159,8 +160,14 @@ fn check_hash(recorded: Option<&str>, image: &[u8]) -> Result<(), PlayError> {
 }
 
 /// Stores the image in the pieces in which it was stored; the loader stays on the bus.
-async fn upload(bus: SocketAddr, token: RunToken, mut log: Reader, image: &[u8]) -> Result<Loader, PlayError> {
-    let mut loader = Loader::connect(bus, token, UPLOAD_DEADLINE).await.map_err(PlayError::Upload)?;
+async fn upload(
+    bus: SocketAddr,
+    credentials: &Credentials,
+    mut log: Reader,
+    image: &[u8],
+) -> Result<Loader, PlayError> {
+    let mut loader =
+        Loader::connect(ClusterId(0), bus, credentials, UPLOAD_DEADLINE).await.map_err(PlayError::Upload)?;
     let mut uploaded = 0;
     while uploaded < image.len() {
         let Some(rows) = log.next_rows()? else { break };
@@ -175,16 +182,16 @@ async fn upload(bus: SocketAddr, token: RunToken, mut log: Reader, image: &[u8])
     Ok(loader)
 }
 
-fn connect(bus: SocketAddr, token: RunToken, score: &Score) -> Result<BTreeMap<Initiator, Voice>, PlayError> {
+fn connect(bus: SocketAddr, credentials: &Credentials, score: &Score) -> Result<BTreeMap<Initiator, Voice>, PlayError> {
     let nodes = score.nodes.iter().map(|node| Initiator::Node(*node));
     let speakers = nodes.chain(score.has_jobs.then_some(Initiator::Master));
     let mut voices = BTreeMap::new();
     for speaker in speakers {
         let role = match speaker {
             Initiator::Node(node) => Role::Node(node),
-            Initiator::Master | Initiator::Loader => Role::Master,
+            Initiator::Master | Initiator::Loader => Role::Master(ClusterId(0)),
         };
-        voices.insert(speaker, Voice::connect(bus, role, token)?);
+        voices.insert(speaker, Voice::connect(bus, role, credentials)?);
     }
     Ok(voices)
 }

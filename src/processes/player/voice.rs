@@ -10,10 +10,10 @@ use crossbeam_channel::Receiver;
 use nix::sys::prctl::set_timerslack;
 
 use super::latency::Latencies;
-use crate::ids::Epoch;
+use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::{Kind, Transaction};
-use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault};
-use crate::protocol::hello::{Hello, Role, RunToken};
+use crate::protocol::connection::{BlockingConnection, ConnectionError, Credentials, Fault};
+use crate::protocol::hello::Role;
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
 
 /// For the bus to answer.
@@ -82,9 +82,9 @@ pub(super) struct Voice {
 impl Voice {
     /// # Errors
     /// The bus does not answer, or refuses this process.
-    pub(super) fn connect(bus: SocketAddr, role: Role, token: RunToken) -> Result<Self, ConnectionError> {
-        let hello = Hello::new(role, Epoch(0), token);
-        let connection = BlockingConnection::connect(Role::Bus, bus, &hello, DEADLINE)?;
+    pub(super) fn connect(bus: SocketAddr, role: Role, credentials: &Credentials) -> Result<Self, ConnectionError> {
+        let introduction = credentials.introduction(role, Epoch(0));
+        let connection = BlockingConnection::connect(Role::Bus(ClusterId(0)), bus, &introduction, DEADLINE)?;
         Ok(Self { connection, tally: Tally::new() })
     }
 

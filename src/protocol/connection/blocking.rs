@@ -6,17 +6,18 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::handshake::judge_reply;
+use super::handshake::{judge_reply, unless_tls};
 use super::read_buffer::{ReadBuffer, would_block};
-use super::{ConnectionError, Fault, READ_BYTES, WRITE_DEADLINE};
+use super::socket::Socket;
+use super::{ConnectionError, Fault, Introduction, READ_BYTES, WRITE_DEADLINE};
 use crate::codec::{self, Message};
-use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloReply, Role};
+use crate::protocol::hello::{HELLO_BYTES_MAX, HelloReply, Role};
 
 /// Sends `Out`, receives `In`. One write and one read a round trip where the frames are small; nothing is
 /// allocated once the buffers have grown to the largest frame.
 #[derive(Debug)]
 pub struct BlockingConnection<Out, In> {
-    stream: TcpStream,
+    socket: Socket<TcpStream>,
     peer: Arc<str>,
     /// For a whole frame to arrive.
     deadline: Duration,
@@ -34,28 +35,38 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     pub fn connect(
         role: Role,
         address: SocketAddr,
-        hello: &Hello,
+        introduction: &Introduction,
         deadline: Duration,
     ) -> Result<Self, ConnectionError> {
         let peer: Arc<str> = format!("{role} at {address}").into();
-        Self::introduce(address, hello, deadline, &peer).map_err(|fault| fault.of(&peer))
+        Self::introduce(role, address, introduction, deadline, &peer).map_err(|fault| fault.of(&peer))
     }
 
-    fn introduce(address: SocketAddr, hello: &Hello, deadline: Duration, peer: &Arc<str>) -> Result<Self, Fault> {
+    fn introduce(
+        role: Role,
+        address: SocketAddr,
+        introduction: &Introduction,
+        deadline: Duration,
+        peer: &Arc<str>,
+    ) -> Result<Self, Fault> {
         let stream = TcpStream::connect_timeout(&address, deadline).map_err(Fault::Io)?;
         stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(deadline))?;
         stream.set_write_timeout(Some(WRITE_DEADLINE))?;
+        let mut socket = match &introduction.tls {
+            None => Socket::Plain(stream),
+            Some(tls) => tls.connect_blocking(role.kind(), stream, deadline)?,
+        };
+        socket.inner_mut().set_read_timeout(Some(deadline))?;
         let mut connection = Self {
-            stream,
+            socket,
             peer: Arc::clone(peer),
             deadline,
-            outgoing: codec::encode(hello, &[])?,
+            outgoing: codec::encode(&introduction.hello, &[])?,
             incoming: ReadBuffer::with_room(READ_BYTES),
             messages: PhantomData,
         };
         connection.write_outgoing()?;
-        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME)?;
+        let bytes = connection.await_frame(HELLO_BYTES_MAX, HelloReply::NAME).map_err(unless_tls)?;
         judge_reply(connection.incoming.take(bytes))?;
         Ok(connection)
     }
@@ -76,8 +87,8 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     }
 
     fn write_outgoing(&mut self) -> Result<(), Fault> {
-        self.stream
-            .write_all(&self.outgoing)
+        let written = self.socket.write_all(&self.outgoing).and_then(|()| self.socket.flush());
+        written
             .map_err(|error| if would_block(&error) { Fault::Stuck { deadline: WRITE_DEADLINE } } else { error.into() })
     }
 
@@ -107,7 +118,7 @@ impl<Out, In> BlockingConnection<Out, In> {
             if late.is_some_and(|late| Instant::now() >= late) {
                 return Err(Fault::Silent { awaited, deadline });
             }
-            match self.incoming.fill_from(&self.stream) {
+            match self.incoming.fill_from(&mut self.socket) {
                 Ok(_) => {}
                 Err(Fault::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
                 Err(Fault::Io(error)) if would_block(&error) => return Err(Fault::Silent { awaited, deadline }),

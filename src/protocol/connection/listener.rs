@@ -6,17 +6,24 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::sync::mpsc;
+use tokio::task::{AbortHandle, JoinSet};
+use tokio::time::{MissedTickBehavior, interval};
 
 use super::handshake::{HELLO_DEADLINE, Peer, accept};
-use super::{Connection, ConnectionError};
+use super::strangers::Strangers;
+use super::{Connection, ConnectionError, Credentials, Fault};
 use crate::ids::Epoch;
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::Role;
 
-/// Connections that have not said hello yet; further ones wait in the system's queue.
-const STRANGERS_MAX: usize = 64;
+/// Connections that have not said hello yet. Each takes some 10 KiB, under TLS some 30.
+const STRANGERS_MAX: usize = 256;
 /// Arrivals that the process has not looked at yet.
 const ARRIVALS_MAX: usize = 64;
+/// Refusals that are told one by one: so many, and then so many a period.
+const REFUSALS_MAX: u32 = 32;
+const REFUSALS_A_PERIOD: u32 = 2;
+const REFUSALS_PERIOD: Duration = Duration::from_secs(1);
 /// Pause after the system could not accept (out of file descriptors, as a rule).
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
@@ -38,10 +45,10 @@ impl Listener {
     /// The interface cannot be bound.
     pub async fn bind(
         interface: IpAddr,
-        token: RunToken,
+        credentials: Credentials,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
-        Self::bind_to((interface, 0).into(), token, admits).await
+        Self::bind_to((interface, 0).into(), credentials, admits).await
     }
 
     /// As [`Self::bind`], with a port that somebody chose; 0 is a free one.
@@ -50,13 +57,13 @@ impl Listener {
     /// The address cannot be bound.
     pub async fn bind_to(
         address: SocketAddr,
-        token: RunToken,
+        credentials: Credentials,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
         let listener = TcpListener::bind(address).await?;
         let address = listener.local_addr()?;
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
-        tokio::spawn(accept_until_dropped(listener, sender, token, Arc::new(admits)));
+        tokio::spawn(accept_until_dropped(listener, sender, Arc::new(credentials), Arc::new(admits)));
         Ok(Self { address, arrivals })
     }
 
@@ -78,39 +85,83 @@ impl Listener {
 async fn accept_until_dropped<A>(
     listener: TcpListener,
     arrivals: mpsc::Sender<Arrival>,
-    token: RunToken,
+    credentials: Arc<Credentials>,
     admits: Arc<A>,
 ) where
     A: Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
 {
-    let strangers = Arc::new(Semaphore::new(STRANGERS_MAX));
+    let mut greeted = JoinSet::new();
+    let mut strangers: Strangers<AbortHandle> = Strangers::new(STRANGERS_MAX);
+    let mut told = Told { budget: REFUSALS_MAX, untold: 0 };
+    let mut tick = interval(REFUSALS_PERIOD);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    // An error of sending means that the listener was dropped meanwhile.
     loop {
         tokio::select! {
             () = arrivals.closed() => return,
-            next = next_stranger(&listener, &strangers) => {
-                let (stream, permit) = next;
-                let (arrivals, admits) = (arrivals.clone(), Arc::clone(&admits));
-                tokio::spawn(async move {
-                    let arrival = accept(stream, &token, &*admits, HELLO_DEADLINE).await;
-                    drop(permit);
-                    // An error means that the listener was dropped meanwhile.
+            Some(outcome) = greeted.join_next() => {
+                // Who was sent away was counted.
+                let Ok((number, arrival)) = outcome else { continue };
+                strangers.leave(number);
+                if told.may_tell(&arrival) {
                     let _ = arrivals.send(arrival).await;
+                }
+            }
+            (stream, address) = next_stranger(&listener) => {
+                let (number, credentials, admits) = (strangers.next(), Arc::clone(&credentials), Arc::clone(&admits));
+                let handle = greeted.spawn(async move {
+                    (number, accept(stream, &credentials, &*admits, HELLO_DEADLINE).await)
                 });
+                if let Some(crowded_out) = strangers.enter(address.ip(), handle) {
+                    crowded_out.abort();
+                    told.untold += 1;
+                }
+            }
+            _ = tick.tick() => if let Some(summary) = told.refill() {
+                let _ = arrivals.send(Err(summary)).await;
+            },
+        }
+    }
+}
+
+async fn next_stranger(listener: &TcpListener) -> (TcpStream, SocketAddr) {
+    loop {
+        match listener.accept().await {
+            Ok(accepted) => return accepted,
+            Err(error) => {
+                tracing::warn!("cannot accept a connection: {error}");
+                tokio::time::sleep(ACCEPT_PAUSE).await;
             }
         }
     }
 }
 
-async fn next_stranger(listener: &TcpListener, strangers: &Arc<Semaphore>) -> (TcpStream, OwnedSemaphorePermit) {
-    loop {
-        let Ok(permit) = Arc::clone(strangers).acquire_owned().await else {
-            return std::future::pending().await;
-        };
-        match listener.accept().await {
-            Ok((stream, _)) => return (stream, permit),
-            Err(error) => {
-                tracing::warn!("cannot accept a connection: {error}");
-                tokio::time::sleep(ACCEPT_PAUSE).await;
+/// How many refusals are told one by one: a flood of them is told as one.
+struct Told {
+    budget: u32,
+    untold: u64,
+}
+
+impl Told {
+    fn may_tell(&mut self, arrival: &Arrival) -> bool {
+        if arrival.is_ok() {
+            return true;
+        }
+        let left = self.budget.checked_sub(1);
+        match left {
+            Some(left) => self.budget = left,
+            None => self.untold += 1,
+        }
+        left.is_some()
+    }
+
+    fn refill(&mut self) -> Option<ConnectionError> {
+        self.budget = (self.budget + REFUSALS_A_PERIOD).min(REFUSALS_MAX);
+        match std::mem::take(&mut self.untold) {
+            0 => None,
+            many => {
+                let why = "more came than can be greeted, and whoever had not said hello made room".to_owned();
+                Some(Fault::Refused(why).of(&format!("{many} more connections").into()))
             }
         }
     }

@@ -4,9 +4,15 @@
 //! write has a deadline; a read has one where the caller names it.
 
 pub mod blocking;
+pub mod credentials;
+mod halves;
 pub mod handshake;
 pub mod listener;
 pub mod read_buffer;
+pub mod socket;
+mod strangers;
+pub mod tls;
+mod tls_words;
 
 use std::io;
 use std::marker::PhantomData;
@@ -17,15 +23,17 @@ use std::time::Duration;
 use bytes::{Buf, BytesMut};
 use futures_util::StreamExt;
 use tokio::io::AsyncWriteExt;
-use tokio::net::TcpStream;
-use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::time::timeout;
 use tokio_util::codec::{Decoder, FramedRead};
 
 pub use blocking::BlockingConnection;
+pub use credentials::{Credentials, Introduction};
 pub use handshake::{Peer, accept, connect};
 pub use listener::{Arrival, Listener};
+pub use socket::Socket;
+pub use tls::Tls;
 
+use self::halves::{ReadHalf, Stream, WriteHalf};
 use super::hello::HELLO_BYTES_MAX;
 use crate::codec::{self, CodecError, Message};
 
@@ -61,6 +69,9 @@ pub enum Fault {
     /// A message that has no place at this point of the conversation.
     #[error("{0}")]
     Unexpected(String),
+    /// The two sides do not agree on TLS, or on who they are.
+    #[error("{0}")]
+    Tls(String),
     /// The other side's words.
     #[error("it refused this process: {0}")]
     RefusedUs(String),
@@ -71,6 +82,9 @@ pub enum Fault {
 
 impl From<io::Error> for Fault {
     fn from(error: io::Error) -> Self {
+        if let Some(error) = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>()) {
+            return Self::Tls(tls_words::words(error));
+        }
         match error.kind() {
             io::ErrorKind::UnexpectedEof => Self::Torn,
             io::ErrorKind::ConnectionReset | io::ErrorKind::BrokenPipe => Self::Closed,
@@ -119,18 +133,17 @@ impl Decoder for FrameDecoder {
 /// A connection whose handshake is done, or about to be.
 #[derive(Debug)]
 pub struct Connection {
-    frames: FramedRead<OwnedReadHalf, FrameDecoder>,
-    writer: OwnedWriteHalf,
+    frames: FramedRead<ReadHalf, FrameDecoder>,
+    writer: WriteHalf,
     peer: Arc<str>,
     local: SocketAddr,
 }
 
 impl Connection {
     /// No frame may be longer than a hello until [`Self::split`] says what is expected.
-    fn new(stream: TcpStream, peer: Arc<str>) -> io::Result<Self> {
-        stream.set_nodelay(true)?;
-        let local = stream.local_addr()?;
-        let (reader, writer) = stream.into_split();
+    fn new(stream: Stream, peer: Arc<str>) -> io::Result<Self> {
+        let local = stream.prepare()?;
+        let (reader, writer) = stream.split();
         Ok(Self { frames: FramedRead::new(reader, FrameDecoder { bytes_max: HELLO_BYTES_MAX }), writer, peer, local })
     }
 
@@ -161,19 +174,18 @@ impl Connection {
     ///
     /// # Errors
     /// The peer has sent more than its hello already, which no conversation allows.
-    pub fn into_std(self) -> Result<std::net::TcpStream, ConnectionError> {
+    pub fn into_std(self) -> Result<Socket<std::net::TcpStream>, ConnectionError> {
         if !self.frames.read_buffer().is_empty() {
             return Err(Fault::Refused("it spoke before it was welcome".to_owned()).of(&self.peer));
         }
-        let stream = self.frames.into_inner().reunite(self.writer).map_err(|error| io::Error::other(error.to_string()));
-        stream.and_then(TcpStream::into_std).map_err(|error| Fault::from(error).of(&self.peer))
+        halves::reunite(self.frames.into_inner(), self.writer).map_err(|error| Fault::from(error).of(&self.peer))
     }
 }
 
 /// The direction in which messages of one kind go out.
 #[derive(Debug)]
 pub struct Sender<M> {
-    writer: OwnedWriteHalf,
+    writer: WriteHalf,
     buffer: Vec<u8>,
     peer: Arc<str>,
     wire_bytes: u64,
@@ -214,8 +226,13 @@ impl<M: Message> Sender<M> {
     }
 }
 
-async fn write_frame(writer: &mut OwnedWriteHalf, mut frame: impl Buf, deadline: Duration) -> Result<(), Fault> {
-    match timeout(deadline, writer.write_all_buf(&mut frame)).await {
+async fn write_frame(writer: &mut WriteHalf, mut frame: impl Buf, deadline: Duration) -> Result<(), Fault> {
+    let written = async {
+        writer.write_all_buf(&mut frame).await?;
+        // Under TLS, what was taken is not sent yet.
+        writer.flush().await
+    };
+    match timeout(deadline, written).await {
         Ok(written) => Ok(written?),
         Err(_) => Err(Fault::Stuck { deadline }),
     }
@@ -224,7 +241,7 @@ async fn write_frame(writer: &mut OwnedWriteHalf, mut frame: impl Buf, deadline:
 /// The direction from which messages of one kind come in.
 #[derive(Debug)]
 pub struct Receiver<M> {
-    frames: FramedRead<OwnedReadHalf, FrameDecoder>,
+    frames: FramedRead<ReadHalf, FrameDecoder>,
     peer: Arc<str>,
     wire_bytes: u64,
     message: PhantomData<fn() -> M>,
@@ -290,5 +307,7 @@ impl<M: Message> Receiver<M> {
     }
 }
 
+#[cfg(test)]
+mod refusal_tests;
 #[cfg(test)]
 mod tests;

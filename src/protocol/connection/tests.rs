@@ -9,7 +9,7 @@ use tokio::net::{TcpListener, TcpStream};
 use super::handshake::HELLO_DEADLINE;
 use super::*;
 use crate::codec::encode;
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::hello::{Hello, HelloReply, PROTOCOL_VERSION, Role, RunToken};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -21,12 +21,16 @@ fn hello() -> Hello {
     Hello::new(NODE, Epoch(1), TOKEN)
 }
 
+fn introduction() -> Introduction {
+    Introduction { hello: hello(), tls: None }
+}
+
 fn nodes_only(role: Role, _: Epoch) -> Result<(), String> {
     if matches!(role, Role::Node(_)) { Ok(()) } else { Err("a node".to_owned()) }
 }
 
 async fn listener() -> Listener {
-    Listener::bind(Ipv4Addr::LOCALHOST.into(), TOKEN, nodes_only).await.expect("loopback")
+    Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials::plain(TOKEN), nodes_only).await.expect("loopback")
 }
 
 async fn tcp_pair() -> (TcpStream, TcpStream) {
@@ -38,8 +42,9 @@ async fn tcp_pair() -> (TcpStream, TcpStream) {
 /// A node's and its master's end of one connection.
 async fn connected() -> (Connection, Connection) {
     let mut listener = listener().await;
-    let (address, hello) = (listener.address(), hello());
-    let (dialled, accepted) = tokio::join!(connect(Role::Master, address, &hello, SOON), listener.arrival());
+    let (address, introduction) = (listener.address(), introduction());
+    let (dialled, accepted) =
+        tokio::join!(connect(Role::Master(ClusterId(0)), address, &introduction, SOON), listener.arrival());
     (dialled.expect("welcome"), accepted.expect("well known").1)
 }
 
@@ -47,7 +52,7 @@ async fn connected() -> (Connection, Connection) {
 async fn a_known_peer_is_welcome_and_both_talk() {
     let mut listener = listener().await;
     let address = listener.address();
-    let dial = tokio::spawn(async move { connect(Role::Master, address, &hello(), SOON).await });
+    let dial = tokio::spawn(async move { connect(Role::Master(ClusterId(0)), address, &introduction(), SOON).await });
     let (peer, connection) = listener.arrival().await.expect("well known");
     assert_eq!((peer.role, peer.epoch), (NODE, Epoch(1)));
     let (mut to_node, mut from_node) = connection.split::<WorkReply, WorkRequest>();
@@ -72,7 +77,7 @@ async fn a_torn_frame_is_not_a_clean_close() {
     for cut in 1..frame.len() {
         let (mut dialled, accepted) = tcp_pair().await;
         let (_, mut receiver) =
-            Connection::new(accepted, "peer".into()).expect("open").split::<WorkRequest, WorkReply>();
+            Connection::new(Stream::Plain(accepted), "peer".into()).expect("open").split::<WorkRequest, WorkReply>();
         dialled.write_all(&frame[..cut]).await.expect("open");
         drop(dialled);
         let error = receiver.receive_within(SOON).await.expect_err("torn");
@@ -108,7 +113,7 @@ async fn strangers_are_refused_and_named() {
         (
             "a wrong version",
             frame(&Hello { version: PROTOCOL_VERSION + 1, ..hello() }),
-            "it speaks protocol version 2, expected 1",
+            "it speaks protocol version 3, expected 2",
         ),
         (
             "a wrong token",
@@ -153,8 +158,9 @@ async fn who_leaves_before_the_hello_is_whole_is_refused_at_once() {
 #[tokio::test]
 async fn the_refused_side_learns_why() {
     let listener = listener().await;
-    let wrong = Hello { token: RunToken::new([0; 32]), ..hello() };
-    let error = connect(Role::Master, listener.address(), &wrong, SOON).await.expect_err("refused");
+    let hello = Hello { token: RunToken::new([0; 32]), ..hello() };
+    let wrong = Introduction { hello, tls: None };
+    let error = connect(Role::Master(ClusterId(0)), listener.address(), &wrong, SOON).await.expect_err("refused");
     assert!(error.to_string().starts_with(&format!("master at {}: it refused this process:", listener.address())));
     assert!(error.to_string().contains("token"));
 }
@@ -164,7 +170,10 @@ async fn silent_strangers_keep_nobody_out() {
     let mut listener = listener().await;
     let strangers: Vec<_> = (0..100).map(|_| StdStream::connect(listener.address()).expect("queued")).collect();
     let address = listener.address();
-    let dial = tokio::spawn(async move { connect(Role::Master, address, &hello(), 4 * HELLO_DEADLINE).await });
+    let dial =
+        tokio::spawn(
+            async move { connect(Role::Master(ClusterId(0)), address, &introduction(), 4 * HELLO_DEADLINE).await },
+        );
     let welcome = loop {
         if let Ok((peer, _)) = listener.arrival().await {
             break peer;
@@ -180,10 +189,16 @@ async fn nobody_who_listens_but_does_not_answer_is_waited_for() {
     let mute = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await.expect("loopback");
     let address = mute.local_addr().expect("bound");
     let deadline = Duration::from_millis(100);
-    let error = connect(Role::Bus, address, &hello(), deadline).await.expect_err("mute");
+    let error = connect(Role::Bus(ClusterId(0)), address, &introduction(), deadline).await.expect_err("mute");
     assert!(matches!(error.fault, Fault::Silent { .. }), "{error}");
     let blocking = tokio::task::spawn_blocking(move || {
-        BlockingConnection::<WorkRequest, WorkReply>::connect(Role::Bus, address, &hello(), deadline).map(drop)
+        BlockingConnection::<WorkRequest, WorkReply>::connect(
+            Role::Bus(ClusterId(0)),
+            address,
+            &introduction(),
+            deadline,
+        )
+        .map(drop)
     });
     let error = blocking.await.expect("no panic").expect_err("mute");
     assert!(matches!(error.fault, Fault::Silent { .. }), "{error}");
@@ -213,9 +228,13 @@ fn a_blocking_connection_puts_pieces_together() {
     let bytes: Vec<u8> = jobs.iter().flat_map(|job| encode(job, &[]).expect("short")).collect();
     for piece in [1, 5, 17, bytes.len()] {
         let (address, peer) = welcoming(bytes.chunks(piece).map(<[u8]>::to_vec).collect(), Duration::from_millis(1));
-        let mut connection =
-            BlockingConnection::<WorkRequest, WorkReply>::connect(Role::Master, address, &hello(), SOON)
-                .expect("welcome");
+        let mut connection = BlockingConnection::<WorkRequest, WorkReply>::connect(
+            Role::Master(ClusterId(0)),
+            address,
+            &introduction(),
+            SOON,
+        )
+        .expect("welcome");
         for job in &jobs {
             assert_eq!(connection.receive().expect("sent").0, *job);
         }
@@ -230,9 +249,13 @@ fn a_blocking_connection_waits_for_a_whole_frame_only_so_long() {
     let frame = encode(&WorkReply::Job { tile: TileId(1), attempt: Attempt(1) }, &[]).expect("short");
     let (address, peer) = welcoming(frame.chunks(1).map(<[u8]>::to_vec).collect(), Duration::from_millis(60));
     let deadline = Duration::from_millis(200);
-    let mut connection =
-        BlockingConnection::<WorkRequest, WorkReply>::connect(Role::Master, address, &hello(), deadline)
-            .expect("welcome");
+    let mut connection = BlockingConnection::<WorkRequest, WorkReply>::connect(
+        Role::Master(ClusterId(0)),
+        address,
+        &introduction(),
+        deadline,
+    )
+    .expect("welcome");
     let begin = Instant::now();
     let error = connection.receive().map(drop).expect_err("late");
     assert!(matches!(error.fault, Fault::Silent { .. }), "{error}");

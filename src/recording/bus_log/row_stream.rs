@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::format::{FORMAT_VERSION, Format, Metadata};
 use super::writer::RecordingError;
+use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
 
 /// The recording's name once it is whole.
@@ -23,6 +24,45 @@ pub const FILE_NAMES: [&str; 3] = [FILE_NAME, "bus.arrows.partial", SIDECAR_NAME
 pub fn folder(of: &Path) -> PathBuf {
     let inner = of.join("recording");
     if inner.is_dir() { inner } else { of.to_owned() }
+}
+
+/// Where the log of one of a run's buses is: `cluster-C/epoch-E` in the folder of the recording, without the parts whose
+/// number is 0.
+pub fn folder_of(recording: &Path, cluster: ClusterId, epoch: Epoch) -> PathBuf {
+    let mut folder = recording.to_owned();
+    if cluster != ClusterId(0) {
+        folder.push(format!("cluster-{}", cluster.0));
+    }
+    if epoch != Epoch(0) {
+        folder.push(format!("epoch-{}", epoch.0));
+    }
+    folder
+}
+
+/// The folders below that of a recording in which [`folder_of`] puts logs, as far as they are there.
+///
+/// # Errors
+/// A folder cannot be listed.
+pub fn inner_folders(recording: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut next = vec![recording.to_owned()];
+    while let Some(folder) = next.pop() {
+        for entry in fs::read_dir(&folder)? {
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let is_numbered =
+                |prefix| name.strip_prefix(prefix).is_some_and(|number: &str| number.parse::<u32>().is_ok());
+            if (is_numbered("cluster-") || is_numbered("epoch-"))
+                && path.is_dir()
+                && path.components().count() < recording.components().count() + 3
+            {
+                next.push(path.clone());
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
 }
 
 /// `bus.json`: by which a reader knows that `bus.arrows` is whole.

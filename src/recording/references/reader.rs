@@ -172,7 +172,7 @@ impl Opened {
     }
 
     fn read_files(&mut self, folder: &Path, sidecar: &Sidecar) {
-        let nodes = self.recording.topology.cluster.nodes;
+        let nodes = self.recording.topology.cluster.all_nodes();
         let mut last = None;
         for facts in &sidecar.files {
             let process = process_of(&facts.name).filter(|process| process.0.0 < nodes && last < Some(*process));

@@ -65,7 +65,7 @@ fn settings_and_costs_come_from_the_topology() {
         ways: None,
         replacement: crate::topology::Replacement::Lru,
     };
-    let cluster = Cluster { nodes: 9, processor, local_memory, bus: Bus { width: 8, ..Bus::DEFAULT } };
+    let cluster = Cluster { count: 1, nodes: 9, processor, local_memory, bus: Bus { width: 8, ..Bus::DEFAULT } };
     let settings = ContentionSettings::from(&cluster);
     assert_eq!(settings, ContentionSettings { nodes: 9, bus: cluster.bus });
     let cycles = ReadCycles::new(&processor);

@@ -1,0 +1,154 @@
+//! The bytes of a journal: a header that says what it is of, then records, each with its own checksum.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::tracer::{AovSet, Tiling};
+
+/// Raised with every change of what follows.
+pub const FORMAT_VERSION: u32 = 1;
+pub(super) const MAGIC: [u8; 8] = *b"marti\0jl";
+
+/// What a journal is of: one of anything else is refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Subject {
+    pub tiling: Tiling,
+    pub aov: AovSet,
+    /// Of scene and image settings.
+    pub fingerprint: [u8; 32],
+}
+
+/// Which run appended a record. Attempts and epochs of two runs cannot be compared.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub struct RunId(pub u64);
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Record<'a> {
+    /// A tile's planes, as [`crate::tracer::Pixels::write_bytes`] lays them out.
+    Pixels { tile: TileId, attempt: Attempt, source: (NodeId, Epoch), planes: &'a [u8] },
+    /// What stands above of this tile does not count: of the same run, up to this attempt; of earlier ones, all.
+    Revoked { tile: TileId, attempt: Attempt },
+}
+
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Header {
+    pub(super) magic: [u8; 8],
+    pub(super) version: u32,
+    /// Width, height, tile width, tile height.
+    tiling: [u32; 4],
+    /// Bit 0 depth, bit 1 normal, bit 2 primitive.
+    aov: u32,
+    fingerprint: [u8; 32],
+    /// Of all before it.
+    crc32c: u32,
+}
+
+impl Header {
+    pub(super) const BYTES: usize = size_of::<Self>();
+
+    pub(super) fn of(subject: &Subject) -> Self {
+        let Subject { tiling, aov, fingerprint } = *subject;
+        let mut header = Self {
+            magic: MAGIC,
+            version: FORMAT_VERSION,
+            tiling: [tiling.width, tiling.height, tiling.tile_width, tiling.tile_height],
+            aov: u32::from(aov.depth) | u32::from(aov.normal) << 1 | u32::from(aov.primitive) << 2,
+            fingerprint,
+            crc32c: 0,
+        };
+        header.crc32c = header.checksum();
+        header
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        self.crc32c == self.checksum()
+    }
+
+    /// Of a sound header.
+    pub(super) fn subject(&self) -> Subject {
+        let [width, height, tile_width, tile_height] = self.tiling;
+        let aov = |bit: u32| self.aov >> bit & 1 == 1;
+        Subject {
+            tiling: Tiling { width, height, tile_width, tile_height },
+            aov: AovSet { depth: aov(0), normal: aov(1), primitive: aov(2) },
+            fingerprint: self.fingerprint,
+        }
+    }
+
+    fn checksum(&self) -> u32 {
+        crc32c::crc32c(&bytemuck::bytes_of(self)[..Self::BYTES - 4])
+    }
+}
+
+const PIXELS: u8 = 1;
+const REVOKED: u8 = 2;
+
+/// A record without its payload.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Head {
+    /// Of the rest of the head, and the payload.
+    pub(super) crc32c: u32,
+    pub(super) tile: u32,
+    attempt: u32,
+    epoch: u32,
+    node: u16,
+    kind: u8,
+    zero: u8,
+    /// Bytes of the payload.
+    pub(super) length: u32,
+    run: u64,
+}
+
+impl Head {
+    pub(super) const BYTES: usize = size_of::<Self>();
+
+    /// The head of a record, and its payload; `None` when the payload is longer than a head can say.
+    pub(super) fn of<'a>(run: RunId, record: &Record<'a>) -> Option<(Self, &'a [u8])> {
+        let (kind, tile, attempt, (node, epoch), payload) = match *record {
+            Record::Pixels { tile, attempt, source, planes } => (PIXELS, tile, attempt, source, planes),
+            Record::Revoked { tile, attempt } => (REVOKED, tile, attempt, Default::default(), &[][..]),
+        };
+        let mut head = Self {
+            crc32c: 0,
+            tile: tile.0,
+            attempt: attempt.0,
+            epoch: epoch.0,
+            node: node.0,
+            kind,
+            zero: 0,
+            length: u32::try_from(payload.len()).ok()?,
+            run: run.0,
+        };
+        head.crc32c = head.checksum(payload);
+        Some((head, payload))
+    }
+
+    pub(super) fn run(&self) -> RunId {
+        RunId(self.run)
+    }
+
+    pub(super) fn has_pixels(&self) -> bool {
+        self.kind == PIXELS
+    }
+
+    pub(super) fn is_sound(&self, payload: &[u8]) -> bool {
+        self.crc32c == self.checksum(payload)
+    }
+
+    /// `None`: of no known kind.
+    pub(super) fn record<'a>(&self, payload: &'a [u8]) -> Option<Record<'a>> {
+        let (tile, attempt) = (TileId(self.tile), Attempt(self.attempt));
+        let source = (NodeId(self.node), Epoch(self.epoch));
+        match self.kind {
+            PIXELS => Some(Record::Pixels { tile, attempt, source, planes: payload }),
+            REVOKED => Some(Record::Revoked { tile, attempt }),
+            _ => None,
+        }
+    }
+
+    fn checksum(&self, payload: &[u8]) -> u32 {
+        crc32c::crc32c_append(crc32c::crc32c(&bytemuck::bytes_of(self)[4..]), payload)
+    }
+}

@@ -1,0 +1,164 @@
+//! What a process tells of itself to those who look after machines: whether it is ready, and counts, by HTTP on an
+//! address of its own host.
+//!
+//! `/healthz` answers 200 when the process does its work and 503 before; `/metrics` is Prometheus' text format.
+
+use std::fmt::Write;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use axum::Router;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use axum::routing::get;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+
+/// Whoever asks is from this host, and asks rarely.
+#[derive(Debug, thiserror::Error)]
+pub enum HealthError {
+    #[error("--health {0} is not an address of this host alone, expected one such as 127.0.0.1:9464")]
+    NotLoopback(SocketAddr),
+    #[error("--health {address}: {error}")]
+    Bind { address: SocketAddr, error: io::Error },
+}
+
+/// What is told.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Health {
+    pub ready: bool,
+    pub metrics: Vec<Metric>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// Never falls.
+    Counter,
+    Gauge,
+}
+
+/// A number by Prometheus' conventions: counters end in `_total`, times are in seconds.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Metric {
+    /// Without the prefix `marti_`.
+    pub name: &'static str,
+    pub help: &'static str,
+    pub kind: Kind,
+    /// Label names and values; metrics of one name stand together.
+    pub labels: Vec<(&'static str, String)>,
+    pub value: f64,
+}
+
+impl Metric {
+    pub fn gauge(name: &'static str, help: &'static str, value: f64) -> Self {
+        Self { name, help, kind: Kind::Gauge, labels: Vec::new(), value }
+    }
+
+    pub fn counter(name: &'static str, help: &'static str, value: u64) -> Self {
+        Self { name, help, kind: Kind::Counter, labels: Vec::new(), value: value as f64 }
+    }
+
+    #[must_use]
+    pub fn of(mut self, label: &'static str, value: impl ToString) -> Self {
+        self.labels.push((label, value.to_string()));
+        self
+    }
+}
+
+/// Answers until the runtime ends; what is sent last is what is told.
+///
+/// # Errors
+/// The address is not of this host alone, or cannot be bound.
+pub async fn serve(address: SocketAddr) -> Result<watch::Sender<Health>, HealthError> {
+    if !address.ip().is_loopback() {
+        return Err(HealthError::NotLoopback(address));
+    }
+    let listener = TcpListener::bind(address).await.map_err(|error| HealthError::Bind { address, error })?;
+    let (sender, receiver) = watch::channel(Health::default());
+    let router =
+        Router::new().route("/healthz", get(healthz)).route("/metrics", get(metrics)).with_state(Arc::new(receiver));
+    // Ends with the runtime; an error of accepting is retried within.
+    tokio::spawn(async move { drop(axum::serve(listener, router).await) });
+    Ok(sender)
+}
+
+type Receiver = State<Arc<watch::Receiver<Health>>>;
+
+async fn healthz(State(health): Receiver) -> impl IntoResponse {
+    if health.borrow().ready { (StatusCode::OK, "ready\n") } else { (StatusCode::SERVICE_UNAVAILABLE, "starting\n") }
+}
+
+async fn metrics(State(health): Receiver) -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text(&health.borrow().metrics))
+}
+
+/// Each name is described once, before its first value.
+fn text(metrics: &[Metric]) -> String {
+    let mut out = String::new();
+    let mut described = None;
+    for Metric { name, help, kind, labels, value } in metrics {
+        if described != Some(name) {
+            let kind = match kind {
+                Kind::Counter => "counter",
+                Kind::Gauge => "gauge",
+            };
+            let _ = writeln!(out, "# HELP marti_{name} {help}\n# TYPE marti_{name} {kind}");
+            described = Some(name);
+        }
+        let labels: Vec<_> = labels.iter().map(|(label, value)| format!("{label}=\"{}\"", escaped(value))).collect();
+        let labels = if labels.is_empty() { String::new() } else { format!("{{{}}}", labels.join(",")) };
+        let _ = writeln!(out, "marti_{name}{labels} {value}");
+    }
+    out
+}
+
+fn escaped(value: &str) -> String {
+    value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpStream;
+
+    use super::*;
+
+    async fn ask(address: SocketAddr, path: &str) -> String {
+        let mut stream = TcpStream::connect(address).await.expect("it listens");
+        let request = format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).await.expect("it reads");
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await.expect("it answers");
+        answer
+    }
+
+    #[tokio::test]
+    async fn it_says_when_it_is_ready_and_counts() {
+        // A port that was free a moment ago.
+        let address = TcpListener::bind("127.0.0.1:0").await.expect("loopback").local_addr().expect("bound");
+        let health = serve(address).await.expect("free");
+        assert!(ask(address, "/healthz").await.starts_with("HTTP/1.1 503"));
+        let metrics = vec![
+            Metric::counter("tiles_done_total", "Tiles done.", 3).of("cluster", 0),
+            Metric::counter("tiles_done_total", "Tiles done.", 4).of("cluster", "a\"b"),
+            Metric::gauge("seconds", "Since the start.", 0.5),
+        ];
+        health.send_replace(Health { ready: true, metrics });
+        assert!(ask(address, "/healthz").await.starts_with("HTTP/1.1 200"));
+        let expected = "# HELP marti_tiles_done_total Tiles done.\n# TYPE marti_tiles_done_total counter\n\
+            marti_tiles_done_total{cluster=\"0\"} 3\nmarti_tiles_done_total{cluster=\"a\\\"b\"} 4\n\
+            # HELP marti_seconds Since the start.\n# TYPE marti_seconds gauge\nmarti_seconds 0.5\n";
+        let answer = ask(address, "/metrics").await;
+        assert!(answer.ends_with(expected), "{answer}");
+        assert!(answer.contains("text/plain; version=0.0.4"), "{answer}");
+        assert!(ask(address, "/else").await.starts_with("HTTP/1.1 404"));
+    }
+
+    #[tokio::test]
+    async fn only_this_host_may_ask() {
+        let refused = serve(([0, 0, 0, 0], 0).into()).await.map(drop).expect_err("any interface").to_string();
+        assert!(refused.contains("not an address of this host alone"), "{refused}");
+    }
+}

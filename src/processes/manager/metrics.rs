@@ -1,0 +1,37 @@
+//! What the manager tells of the run while it goes on.
+
+use super::process::Stage;
+use super::state::{Phase, State};
+use crate::processes::health::{Health, Metric};
+use crate::protocol::hello::Role;
+
+/// Ready: a display and at least one cluster serve.
+pub(super) fn health(state: &State) -> Health {
+    let serving = state.clusters.iter().filter(|cluster| cluster.servers().is_some()).count();
+    let ready = state.display.address.is_some() && (serving > 0 || !matches!(state.phase, Phase::Running));
+    let (total, missing) = (state.queue.total(), state.queue.missing());
+    let mut metrics = vec![
+        Metric::gauge("tiles", "Tiles of the image.", f64::from(total)),
+        Metric::gauge("tiles_done", "Tiles that the display has.", f64::from(total - missing)),
+        Metric::counter("tiles_reissued_total", "Attempts after a tile's first.", state.queue.reissued()),
+        Metric::counter("tiles_verified_total", "Tiles rendered twice alike.", state.verification.verified()),
+        Metric::counter("disagreements_total", "Tiles rendered twice differently.", state.verification.disagreements()),
+        Metric::counter("rays_total", "Rays of all kinds in accepted tiles.", state.ledger.rays()),
+        Metric::counter("incidents_total", "What went wrong and was dealt with.", state.ledger.incident_count()),
+        Metric::gauge("clusters_serving", "Clusters whose bus has the database.", serving as f64),
+        Metric::gauge("seconds", "Since the run began.", state.now.as_secs_f64()),
+    ];
+    for (role, is_it) in ROLES {
+        let at_work = |stage| (Stage::Serving..Stage::Finished).contains(&stage);
+        let count = state.table.iter().filter(|process| is_it(process.id.role) && at_work(process.stage)).count();
+        metrics.push(Metric::gauge("processes", "Processes at work.", count as f64).of("role", role));
+    }
+    Health { ready, metrics }
+}
+
+const ROLES: [(&str, fn(Role) -> bool); 4] = [
+    ("bus", |role| matches!(role, Role::Bus(_))),
+    ("master", |role| matches!(role, Role::Master(_))),
+    ("node", |role| matches!(role, Role::Node(_))),
+    ("display", |role| role == Role::Display),
+];

@@ -1,0 +1,124 @@
+//! The manager without its shell, as the simulation holds it: a plan that needs no scene, the state, and what can be
+//! asked of it.
+
+use std::time::Duration;
+
+use super::closing;
+use super::ending::Cause;
+use super::sample;
+use super::state::{Action, Event, State};
+use crate::ids::{Attempt, TileId};
+use crate::report::Incident;
+use crate::report::conservation::Conservation;
+use crate::topology::{Cluster, MemorySize, Run};
+
+/// What is rehearsed.
+#[derive(Clone, Debug)]
+pub(in crate::processes) struct Play {
+    pub(in crate::processes) clusters: u16,
+    /// Of each cluster.
+    pub(in crate::processes) nodes: u16,
+    pub(in crate::processes) tiles: u32,
+    pub(in crate::processes) memory: MemorySize,
+    pub(in crate::processes) run: Run,
+}
+
+#[derive(Debug)]
+pub(in crate::processes) struct Rehearsal {
+    state: State,
+}
+
+/// How a rehearsal ended.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum End {
+    Complete,
+    /// No node is left.
+    TilesMissing,
+    Failed(String),
+}
+
+/// What waits somewhere for something.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::processes) struct Queues {
+    /// Attempts that masters have.
+    pub(in crate::processes) out: usize,
+    /// Tiles that wait to be compared.
+    pub(in crate::processes) checks: usize,
+    /// What masters have asked for and did not get.
+    pub(in crate::processes) wanted: u32,
+    pub(in crate::processes) processes: usize,
+}
+
+impl Rehearsal {
+    pub(in crate::processes) fn start(play: &Play) -> (Self, Vec<Action>) {
+        let mut plan = sample::plan(play.nodes, play.tiles);
+        plan.cluster = Cluster { count: play.clusters, nodes: play.nodes, ..plan.cluster };
+        plan.cluster.local_memory.size = play.memory;
+        plan.run = play.run;
+        let (state, actions) = State::start(plan);
+        (Self { state }, actions)
+    }
+
+    pub(in crate::processes) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+        self.state.handle(now, event)
+    }
+
+    /// Tiles not done yet.
+    pub(in crate::processes) fn missing(&self) -> u32 {
+        self.state.queue.missing()
+    }
+
+    /// The attempt at a tile that is part of the image.
+    pub(in crate::processes) fn accepted(&self, tile: TileId) -> Option<Attempt> {
+        self.state.queue.accepted(tile)
+    }
+
+    /// How each tile stands that is not done.
+    pub(in crate::processes) fn describe_missing(&self) -> Vec<String> {
+        let queue = &self.state.queue;
+        let missing = (0..queue.total()).map(TileId).filter(|tile| queue.accepted(*tile).is_none());
+        let mut missing: Vec<_> = missing.map(|tile| queue.describe(tile)).collect();
+        missing
+            .extend(self.state.verification.awaited().map(|(tile, by)| format!("{tile} is to be compared, by {by:?}")));
+        missing.push(format!("{:?}", self.state.clusters));
+        missing
+    }
+
+    /// Attempts at tiles that were done or under way already.
+    pub(in crate::processes) fn reissued(&self) -> u64 {
+        self.state.queue.reissued()
+    }
+
+    /// Tiles whose two results agreed, and those where they did not.
+    pub(in crate::processes) fn compared(&self) -> (u64, u64) {
+        (self.state.verification.verified(), self.state.verification.disagreements())
+    }
+
+    pub(in crate::processes) fn queues(&self) -> Queues {
+        Queues {
+            out: self.state.queue.out(),
+            checks: self.state.queue.waiting_checks(),
+            wanted: self.state.clusters.iter().map(|cluster| cluster.wanted).sum(),
+            processes: self.state.table.iter().count(),
+        }
+    }
+
+    /// Once it is over.
+    pub(in crate::processes) fn end(&self) -> Option<End> {
+        Some(match self.state.over()? {
+            Cause::Complete => End::Complete,
+            Cause::NoNodes => End::TilesMissing,
+            Cause::Failed(why) => End::Failed(why.clone()),
+            Cause::Interrupted(signal) => End::Failed(signal.to_string()),
+        })
+    }
+
+    pub(in crate::processes) fn incidents(&self) -> Vec<Incident> {
+        self.state.ledger.incidents()
+    }
+
+    /// `None` when no server lived to close its books.
+    pub(in crate::processes) fn conservation(&self) -> Option<Conservation> {
+        closing::books(&self.state)
+    }
+}

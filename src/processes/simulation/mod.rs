@@ -1,0 +1,95 @@
+//! A run without processes, sockets or a clock: the states of manager, masters and nodes, wired by a network that exists
+//! in numbers only, and everything that can go wrong with it. One seed, one course of events.
+//!
+//! ```text
+//! schedule (topology, faults) ─▶ world (the manager's shell) ─▶ network (delays, cuts, ends, timers)
+//!                                  bus, master, node, display: shells ◀┘
+//!                                  promises: what must hold when it is over
+//! ```
+
+mod bus;
+mod child;
+mod dice;
+mod display;
+mod fake_tracer;
+mod master;
+mod network;
+mod node;
+mod promises;
+mod schedule;
+mod stopwatch;
+mod world;
+
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+pub use self::schedule::{Schedule, What};
+pub use self::stopwatch::Clock;
+use self::world::{Body, World};
+pub use super::manager::rehearsal::End;
+use crate::protocol::hello::Role;
+
+/// A run that goes on for longer hangs.
+const DEADLINE: Duration = Duration::from_secs(1800);
+const STEPS_MAX: u64 = 20_000_000;
+
+/// What came of a schedule.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    pub end: Option<End>,
+    /// Of virtual time.
+    pub took: Duration,
+    /// Events that the states of manager and masters were given.
+    pub decisions: u64,
+    /// What these took on the host; zero without a clock.
+    pub deciding: Duration,
+    pub reissued: u64,
+    /// Tiles whose two results agreed, and those where they did not.
+    pub compared: (u64, u64),
+    /// From each fault to the next tile that was done.
+    pub recoveries: Vec<(What, Role, Duration)>,
+    /// Most attempts that masters had, and most tiles one master had for each of its nodes.
+    pub out_most: usize,
+    pub tiles_a_node_most: usize,
+    /// Most messages under way on one connection, those that were held up included.
+    pub under_way_most: usize,
+    /// Promises that were not kept, each with what shows it.
+    pub broken: Vec<String>,
+    /// What the report would tell, for a look at what went on.
+    pub incidents: Vec<String>,
+}
+
+/// Rehearses a schedule to its end. `clock` measures what deciding costs.
+pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
+    let mut world = World::new(schedule, clock);
+    let mut steps = 0;
+    while world.manager.end().is_none() && world.network.now < DEADLINE && steps < STEPS_MAX && world.step() {
+        steps += 1;
+    }
+    let masters = world.bodies.iter().flatten().filter_map(|body| match body {
+        Body::Master(master) => Some(master.tiles_a_node),
+        _ => None,
+    });
+    let tiles_a_node_most = masters.max().unwrap_or(0);
+    Outcome {
+        end: world.manager.end(),
+        took: world.network.now,
+        decisions: world.watch.events,
+        deciding: world.watch.spent,
+        reissued: world.manager.reissued(),
+        compared: world.manager.compared(),
+        out_most: world.most.out,
+        tiles_a_node_most,
+        under_way_most: world.network.longest,
+        broken: promises::broken(schedule, &world, tiles_a_node_most),
+        incidents: incidents(&world),
+        recoveries: world.recoveries,
+    }
+}
+
+fn incidents(world: &World) -> Vec<String> {
+    let incidents = world.manager.incidents();
+    incidents.into_iter().map(|incident| format!("{:9.3} {}", incident.seconds, incident.text)).collect()
+}

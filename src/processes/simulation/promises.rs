@@ -1,0 +1,102 @@
+//! What every run keeps, whatever goes wrong in it.
+//!
+//! - It ends.
+//! - If it calls itself complete, every tile is in the frame, once, with the right pixels, unless a node was corrupt and
+//!   `verify` is 0. With `verify` above 0 wrong pixels are found and replaced, if corrupt nodes are wrong in different
+//!   ways and at no time fewer than three nodes can be asked; where nobody is left to ask, the report says which tile is
+//!   not verified, or the run fails.
+//! - It fails or leaves tiles out only after as many faults as it takes to set its nodes, or its display, aside.
+//! - The books that were closed balance.
+//! - Masters have eight tiles a node at most, besides those that came back to them; no connection grows.
+
+use super::fake_tracer;
+use super::schedule::{Fault, Schedule, What};
+use super::world::{Body, World};
+use crate::ids::TileId;
+use crate::processes::manager::process::ProcessId;
+use crate::processes::manager::rehearsal::End;
+use crate::protocol::hello::Role;
+
+/// Failures that set a place aside.
+const FAILURES: usize = 3;
+/// As a master asks for.
+const TILES_A_NODE: usize = 8;
+
+/// The promises that were not kept.
+pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) -> Vec<String> {
+    let mut broken = Vec::new();
+    match world.manager.end() {
+        None => broken.push(format!("it does not end: {} tiles are missing", world.manager.missing())),
+        Some(End::Complete) => complete(schedule, world, &mut broken),
+        Some(end) => {
+            if let Some(why) = unreasonable(schedule, world, &end) {
+                broken.push(format!("{end:?} without a good reason: {why}"));
+            }
+        }
+    }
+    if let Some(conservation) = world.manager.conservation() {
+        for check in conservation.checks.iter().filter(|check| !check.holds) {
+            broken.push(format!("{}: {} and {}", check.name, check.left, check.right));
+        }
+    }
+    if tiles_a_node > TILES_A_NODE {
+        broken.push(format!("a master had {tiles_a_node} tiles a node"));
+    }
+    let out_max = TILES_A_NODE * usize::from(schedule.all_nodes());
+    if world.most.out > out_max || world.most.wanted as usize > out_max {
+        broken.push(format!("{} tiles were out, {} wanted, of {out_max}", world.most.out, world.most.wanted));
+    }
+    broken
+}
+
+fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
+    let displays = world.bodies.iter().flatten().filter_map(|body| match body {
+        Body::Display(display) => display.finished.as_ref(),
+        _ => None,
+    });
+    let Some(image) = displays.last() else {
+        return broken.push("complete without an image".to_owned());
+    };
+    let unverified = |tile: TileId| {
+        let text = format!("{tile} is not verified");
+        world.manager.incidents().iter().any(|incident| incident.text.starts_with(&text))
+    };
+    if image.tiles_done != schedule.tiles() {
+        broken.push(format!("complete with {} of {} tiles", image.tiles_done, schedule.tiles()));
+    }
+    for tile in (0..schedule.tiles()).map(TileId) {
+        let Some((node, epoch)) = world.journal.source(tile) else {
+            broken.push(format!("{tile} is lost"));
+            continue;
+        };
+        if world.manager.accepted(tile).is_none() {
+            broken.push(format!("{tile} is in the frame, and not done"));
+        }
+        let is_right = image.frame.pixels().colour[tile.0 as usize] == fake_tracer::pixels(tile).colour[0];
+        let by_corrupt = world.corrupted.contains(&ProcessId { role: Role::Node(node), epoch });
+        if !is_right && !(by_corrupt && (schedule.play.run.verify == 0.0 || unverified(tile))) {
+            broken.push(format!("{tile} of {node} ({epoch}) is wrong"));
+        }
+    }
+}
+
+/// Why such an end does not fit the faults.
+fn unreasonable(schedule: &Schedule, world: &World, end: &End) -> Option<String> {
+    let faults = |chosen: fn(&Fault) -> bool| schedule.faults.iter().filter(|fault| chosen(fault)).count();
+    let is_display = |fault: &Fault| fault.role == Role::Display;
+    let (display, others) = (faults(is_display), faults(|fault| fault.role != Role::Display));
+    let corrupt = schedule.corrupt_nodes();
+    match end {
+        End::Failed(why) if why.contains("disagree") => (corrupt == 0
+            || usize::from(schedule.all_nodes()) > 2 * corrupt && others < corrupt + FAILURES)
+            .then(|| format!("{why}; {corrupt} of {} nodes were corrupt", schedule.all_nodes())),
+        End::Failed(why) => (display < FAILURES).then(|| format!("{why}; {display} faults of the display")),
+        End::TilesMissing => {
+            let aside = world.manager.incidents().iter().filter(|i| i.text.contains("is set aside")).count();
+            let kills = others - faults(|fault| fault.what == What::Corrupt);
+            (kills < FAILURES && corrupt < usize::from(schedule.all_nodes()) || aside == 0)
+                .then(|| format!("{others} faults of others than the display, {aside} set aside"))
+        }
+        End::Complete => None,
+    }
+}

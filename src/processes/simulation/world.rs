@@ -1,0 +1,325 @@
+//! All processes of a run, and the manager's shell in virtual time: it carries out what the state decides as
+//! `manager/shell.rs` does, and tells it what came of that.
+
+use std::collections::{HashMap, HashSet};
+use std::time::Duration;
+
+use super::bus::Bus;
+use super::child::Child;
+use super::display::{Display, Journal};
+use super::master::Master;
+use super::network::{Actor, MANAGER, Message, Network, Occurrence, Parcel, Timer, Trouble, Wire};
+use super::node::Node;
+use super::schedule::{Schedule, What};
+use super::stopwatch::{Clock, Stopwatch};
+use crate::ids::Epoch;
+use crate::processes::manager::process::{Command, ProcessId, Report};
+use crate::processes::manager::rehearsal::{Queues, Rehearsal};
+use crate::processes::manager::state::{Action, Event};
+use crate::protocol::control::{BusReport, DisplayReport, MasterReport, NodeReport};
+use crate::protocol::hello::Role;
+
+/// As in the manager's shell and its port.
+const TICK: Duration = Duration::from_millis(50);
+const COMMANDS_MAX: usize = 256;
+const HEARTBEATS: u32 = 4;
+const MYSELF: ProcessId = ProcessId { role: Role::Manager, epoch: Epoch(0) };
+
+#[derive(Debug)]
+pub(super) struct World<'a> {
+    schedule: &'a Schedule,
+    pub(super) network: Network,
+    pub(super) manager: Rehearsal,
+    pub(super) watch: Stopwatch,
+    pub(super) journal: Journal,
+    /// By actor; the manager has none.
+    pub(super) bodies: Vec<Option<Body>>,
+    actors: HashMap<ProcessId, Actor>,
+    /// Who holds a place, or held it last.
+    holders: HashMap<Role, Actor>,
+    /// Spawned and not connected yet.
+    expected: HashSet<ProcessId>,
+    controls: HashMap<ProcessId, Wire>,
+    peers: HashMap<Wire, ProcessId>,
+    uploads: HashMap<Wire, ProcessId>,
+    armed: Vec<bool>,
+    /// When faults happened after which no tile has been done yet.
+    unrecovered: Vec<(What, Role, Duration)>,
+    pub(super) recoveries: Vec<(What, Role, Duration)>,
+    /// Processes whose tiles are wrong.
+    pub(super) corrupted: HashSet<ProcessId>,
+    /// The most that waited at any time.
+    pub(super) most: Queues,
+}
+
+#[derive(Debug)]
+pub(super) enum Body {
+    Bus(Bus),
+    Master(Box<Master>),
+    Node(Box<Node>),
+    Display(Box<Display>),
+}
+
+impl<'a> World<'a> {
+    pub(super) fn new(schedule: &'a Schedule, clock: Option<Clock>) -> Self {
+        let (manager, actions) = Rehearsal::start(&schedule.play);
+        let mut world = Self {
+            schedule,
+            network: Network::new(schedule.seed),
+            manager,
+            watch: Stopwatch::new(clock),
+            journal: Journal::default(),
+            bodies: vec![None],
+            actors: HashMap::new(),
+            holders: HashMap::new(),
+            expected: HashSet::new(),
+            controls: HashMap::new(),
+            peers: HashMap::new(),
+            uploads: HashMap::new(),
+            armed: vec![false; schedule.faults.len()],
+            unrecovered: Vec::new(),
+            recoveries: Vec::new(),
+            corrupted: HashSet::new(),
+            most: Queues::default(),
+        };
+        world.act(actions);
+        world.arm_faults();
+        world.network.wake(MANAGER, Duration::ZERO, Timer::Tick);
+        world
+    }
+
+    /// The next thing happens. `false`: nothing can.
+    pub(super) fn step(&mut self) -> bool {
+        match self.network.next() {
+            Some(Occurrence::Arrived(MANAGER, wire, parcel)) => self.receive(wire, parcel),
+            Some(Occurrence::Arrived(actor, wire, parcel)) => self.arrived(actor, wire, parcel),
+            Some(Occurrence::Timer(MANAGER, timer)) => self.timer(timer),
+            Some(Occurrence::Timer(actor, timer)) => self.went_off(actor, timer),
+            Some(Occurrence::Exited(actor, how)) => {
+                if let Some(id) = self.bodies[actor.0].as_ref().map(|body| body.child().id) {
+                    self.handle(Event::Exited(id, how.to_owned()));
+                }
+            }
+            Some(Occurrence::Fault(fault)) => self.fault(fault),
+            None => return false,
+        }
+        true
+    }
+
+    fn handle(&mut self, event: Event) {
+        let before = self.manager.missing();
+        let now = self.network.now;
+        let actions = self.watch.time(|| self.manager.handle(now, event));
+        self.act(actions);
+        if self.manager.missing() < before {
+            let recovered = self.unrecovered.drain(..);
+            self.recoveries.extend(recovered.map(|(what, role, at)| (what, role, now - at)));
+        }
+        self.arm_faults();
+        let queues = self.manager.queues();
+        let most = &mut self.most;
+        (most.out, most.checks) = (most.out.max(queues.out), most.checks.max(queues.checks));
+        (most.wanted, most.processes) = (most.wanted.max(queues.wanted), most.processes.max(queues.processes));
+    }
+
+    fn act(&mut self, actions: Vec<Action>) {
+        for action in actions {
+            match action {
+                Action::Spawn(id) => self.spawn(id),
+                Action::Tell(id, command) => self.tell(id, command),
+                Action::HangUp(id) => {
+                    self.expected.remove(&id);
+                    if let Some(wire) = self.controls.remove(&id) {
+                        self.network.finish(MANAGER, wire);
+                    }
+                }
+                Action::Kill(id) => self.kill(id),
+                Action::Upload(id, address) => {
+                    let deadline = self.schedule.play.run.deadlines.startup;
+                    let wire = self.network.dial(MANAGER, MYSELF, address, deadline);
+                    self.uploads.insert(wire, id);
+                }
+            }
+        }
+    }
+
+    fn spawn(&mut self, id: ProcessId) {
+        let heartbeat = match id.role {
+            Role::Bus(_) => Report::Bus(BusReport::Heartbeat),
+            Role::Master(_) => Report::Master(MasterReport::Heartbeat),
+            Role::Display => Report::Display(DisplayReport::Heartbeat),
+            Role::Node(_) | Role::Manager => Report::Node(NodeReport::Heartbeat),
+        };
+        let period = self.schedule.play.run.deadlines.heartbeat / HEARTBEATS;
+        let child = Child::spawn(&mut self.network, id, heartbeat, period);
+        self.actors.insert(id, child.me);
+        self.holders.insert(id.role, child.me);
+        self.expected.insert(id);
+        self.bodies.push(Some(match id.role {
+            Role::Bus(_) => Body::Bus(Bus::new(child)),
+            Role::Master(_) => Body::Master(Box::new(Master::new(child))),
+            Role::Display => Body::Display(Box::new(Display::new(child))),
+            Role::Node(_) | Role::Manager => Body::Node(Box::new(Node::new(child))),
+        }));
+    }
+
+    fn tell(&mut self, id: ProcessId, command: Command) {
+        match self.controls.get(&id) {
+            Some(&wire) if self.network.under_way(MANAGER, wire) < COMMANDS_MAX => {
+                self.network.send(MANAGER, wire, Message::Command(command));
+            }
+            _ => self.kill(id),
+        }
+    }
+
+    fn kill(&mut self, id: ProcessId) {
+        if let Some(&actor) = self.actors.get(&id) {
+            self.network.exit(actor, "died of signal 9");
+        }
+    }
+
+    /// What comes for the manager.
+    fn receive(&mut self, wire: Wire, parcel: Parcel) {
+        if let Some(&bus) = self.uploads.get(&wire) {
+            return self.receive_upload(wire, bus, &parcel);
+        }
+        match parcel {
+            Parcel::Hello(id) if self.expected.remove(&id) => {
+                self.network.welcome(MANAGER, wire);
+                self.controls.insert(id, wire);
+                self.peers.insert(wire, id);
+                self.handle(Event::Connected(id));
+            }
+            Parcel::Hello(id) => {
+                self.network.close(MANAGER, wire);
+                self.handle(Event::Refused(format!("{id} is not expected")));
+            }
+            Parcel::Message(Message::Report(report)) => {
+                if let Some(&id) = self.peers.get(&wire) {
+                    self.handle(Event::Report(id, report));
+                }
+            }
+            Parcel::End => {
+                if let Some(id) = self.peers.remove(&wire) {
+                    self.handle(Event::Disconnected(id, None));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn receive_upload(&mut self, wire: Wire, bus: ProcessId, parcel: &Parcel) {
+        let event = match parcel {
+            Parcel::Welcome => return self.network.send(MANAGER, wire, Message::Store),
+            Parcel::Message(Message::Stored) => Event::Uploaded(bus),
+            Parcel::End => Event::UploadFailed(bus, "closed the connection".to_owned()),
+            _ => return,
+        };
+        self.network.close(MANAGER, wire);
+        self.uploads.remove(&wire);
+        self.handle(event);
+    }
+
+    fn timer(&mut self, timer: Timer) {
+        match timer {
+            Timer::Tick => {
+                self.network.wake(MANAGER, TICK, Timer::Tick);
+                self.handle(Event::Tick);
+            }
+            Timer::Dialled(wire) => {
+                if let Some(bus) = self.uploads.remove(&wire) {
+                    self.network.close(MANAGER, wire);
+                    self.handle(Event::UploadFailed(bus, "does not answer".to_owned()));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// What comes for a child.
+    fn arrived(&mut self, actor: Actor, wire: Wire, parcel: Parcel) {
+        let Some(body) = &mut self.bodies[actor.0] else { return };
+        let network = &mut self.network;
+        let child = body.child_mut();
+        match parcel {
+            Parcel::Welcome if child.is_control(wire) => return child.welcomed(network),
+            Parcel::End if child.is_control(wire) => return child.orphaned(network),
+            _ if child.is_closing() => return,
+            _ => {}
+        }
+        match body {
+            Body::Bus(bus) => bus.arrived(network, wire, parcel),
+            Body::Master(master) => master.arrived(network, &mut self.watch, wire, parcel),
+            Body::Node(node) => node.arrived(network, wire, parcel),
+            Body::Display(display) => display.arrived(network, &mut self.journal, wire, parcel),
+        }
+    }
+
+    fn went_off(&mut self, actor: Actor, timer: Timer) {
+        let Some(body) = &mut self.bodies[actor.0] else { return };
+        if body.child_mut().timer(&mut self.network, timer) || body.child().is_closing() {
+            return;
+        }
+        match body {
+            Body::Master(master) => master.timer(&mut self.network, &mut self.watch, timer),
+            Body::Node(node) => node.timer(&mut self.network, timer),
+            Body::Bus(_) | Body::Display(_) => {}
+        }
+    }
+
+    /// Faults are due that wait for so many tiles.
+    fn arm_faults(&mut self) {
+        let done = self.schedule.tiles() - self.manager.missing();
+        for (i, fault) in self.schedule.faults.iter().enumerate() {
+            if !self.armed[i] && fault.tiles <= done {
+                self.armed[i] = true;
+                self.network.fault(self.network.now + fault.then, i);
+            }
+        }
+    }
+
+    fn fault(&mut self, fault: usize) {
+        let fault = self.schedule.faults[fault];
+        let Some(&actor) = self.holders.get(&fault.role) else { return };
+        if self.network.is_dead(actor) {
+            return;
+        }
+        match fault.what {
+            What::Kill => self.network.exit(actor, "died of signal 9"),
+            What::Stop(lasts) => self.network.trouble(actor, Trouble::Stopped, lasts),
+            What::Cut(lasts) => self.network.trouble(actor, Trouble::Cut, lasts),
+            What::Tear => match self.network.any_wire(actor) {
+                Some(wire) => self.network.tear(wire),
+                None => return,
+            },
+            What::Corrupt => {
+                if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
+                    node.corrupt = true;
+                    self.corrupted.insert(node.child.id);
+                }
+                return;
+            }
+        }
+        self.unrecovered.push((fault.what, fault.role, self.network.now));
+    }
+}
+
+impl Body {
+    pub(super) fn child(&self) -> &Child {
+        match self {
+            Self::Bus(bus) => &bus.child,
+            Self::Master(master) => &master.child,
+            Self::Node(node) => &node.child,
+            Self::Display(display) => &display.child,
+        }
+    }
+
+    fn child_mut(&mut self) -> &mut Child {
+        match self {
+            Self::Bus(bus) => &mut bus.child,
+            Self::Master(master) => &mut master.child,
+            Self::Node(node) => &mut node.child,
+            Self::Display(display) => &mut display.child,
+        }
+    }
+}
