@@ -5,7 +5,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{MissedTickBehavior, interval};
@@ -18,6 +18,9 @@ use crate::protocol::hello::Role;
 
 /// Connections that have not said hello yet. Each takes some 10 KiB, under TLS some 30.
 const STRANGERS_MAX: usize = 256;
+/// Connections that the system makes before this process looks: who comes while there are so many dials again, by his
+/// system, after a second.
+const BACKLOG: u32 = 4096;
 /// Arrivals that the process has not looked at yet.
 const ARRIVALS_MAX: usize = 64;
 /// Refusals that are told one by one: so many, and then so many a period.
@@ -60,7 +63,11 @@ impl Listener {
         credentials: Credentials,
         admits: impl Fn(Role, Epoch) -> Result<(), String> + Send + Sync + 'static,
     ) -> io::Result<Self> {
-        let listener = TcpListener::bind(address).await?;
+        let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+        // A port that somebody chose can be bound again while connections of an earlier run linger.
+        socket.set_reuseaddr(true)?;
+        socket.bind(address)?;
+        let listener = socket.listen(BACKLOG)?;
         let address = listener.local_addr()?;
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
         tokio::spawn(accept_until_dropped(listener, sender, Arc::new(credentials), Arc::new(admits)));
