@@ -27,6 +27,10 @@ unused:
 typos:
     typos
 
+# The engines of deploy/, for real: what cannot be had here is skipped, loudly.
+engines:
+    deploy/test/all
+
 # Benchmarks, not tests: they print ratios measured side by side.
 bench:
     cargo bench
