@@ -1,7 +1,7 @@
 //! What the programs have in common that `marti run` starts, or that join it.
 
 use std::fmt::Display;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -38,6 +38,9 @@ pub struct JoinArguments {
     /// How long to ask for a place
     #[arg(long, value_name = "SECONDS", env = "MARTI_PATIENCE", default_value_t = Seconds(600.0))]
     patience: Seconds,
+    /// Tell by HTTP on this address, of this host alone, whether it has a place (/healthz)
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "join")]
+    health: Option<SocketAddr>,
 }
 
 impl JoinArguments {
@@ -52,6 +55,7 @@ impl JoinArguments {
             bind: self.interface,
             advertise: self.advertise,
             patience: Duration::from_secs_f64(self.patience.0),
+            health: self.health,
         }))
     }
 

@@ -7,6 +7,8 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
+use tokio::sync::watch;
+
 use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
@@ -14,6 +16,7 @@ use crate::protocol::control::{Bootstrap, Command};
 use crate::protocol::hello::Role;
 use crate::telemetry::{self, TelemetryError};
 
+use super::health::{self, Health, HealthError, Metric};
 use super::join::{self, JoinError, Origin};
 use super::{ControlLink, listening};
 
@@ -27,6 +30,8 @@ pub struct Child {
     /// Joined: it begins anew when its run has failed.
     pub joined: bool,
     tls: Option<Tls>,
+    /// Who is told how it does, if anybody asks.
+    health: Option<watch::Sender<Health>>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +48,8 @@ pub enum StartError {
     Join(#[from] JoinError),
     #[error(transparent)]
     Keys(#[from] KeysError),
+    #[error(transparent)]
+    Health(#[from] HealthError),
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
 }
@@ -53,13 +60,15 @@ impl Child {
     ///
     /// # Errors
     /// Standard input is a terminal, ends early, is silent for 5 s, or holds something else; nobody has a place for
-    /// this process in time; the bootstrap is for another role; the log cannot be opened.
+    /// this process in time; the bootstrap is for another role; the log cannot be opened; the address of its health
+    /// cannot be had.
     pub fn start(program: &'static str, role: Role, origin: &Origin) -> Result<Self, StartError> {
-        let (bootstrap, joined) = match origin {
-            Origin::Spawned => (read_in_time().map_err(|why| StartError::ByHand { program, why })?, false),
+        let (bootstrap, joined, health) = match origin {
+            Origin::Spawned => (read_in_time().map_err(|why| StartError::ByHand { program, why })?, false, None),
             Origin::Joining(joining) => {
                 telemetry::start(None)?;
-                (join::join(role, joining)?, true)
+                let health = joining.health.map(health::serve_aside).transpose()?;
+                (join::join(role, joining)?, true, health)
             }
         };
         if discriminant(&bootstrap.role) != discriminant(&role) {
@@ -69,14 +78,14 @@ impl Child {
             telemetry::start(bootstrap.log.as_deref())?;
         }
         tracing::info!("{program} {} as {} ({})", env!("CARGO_PKG_VERSION"), bootstrap.role, bootstrap.epoch);
-        Self::new(bootstrap, joined)
+        Ok(Self { health, ..Self::new(bootstrap, joined)? })
     }
 
     /// # Errors
     /// Its keys cannot be used.
     pub(super) fn new(bootstrap: Bootstrap, joined: bool) -> Result<Self, StartError> {
         let tls = bootstrap.identity.as_ref().map(Tls::new).transpose()?;
-        Ok(Self { bootstrap, joined, tls })
+        Ok(Self { bootstrap, joined, tls, health: None })
     }
 
     /// How this process introduces itself, to whomever it dials.
@@ -98,6 +107,14 @@ impl Child {
         heartbeat: Report,
     ) -> Result<ControlLink<C, Report>, StartError> {
         ControlLink::open(self, heartbeat)
+    }
+
+    /// Tells whoever looks after this machine: it is ready while its control connection stands.
+    pub(super) fn tell(&self, ready: bool) {
+        let Some(health) = &self.health else { return };
+        let (role, epoch) = (self.bootstrap.role, self.bootstrap.epoch.0);
+        let place = Metric::gauge("place", "Whether it has this place.", f64::from(ready)).of("role", role);
+        health.send_replace(Health { ready, metrics: vec![place.of("epoch", epoch)] });
     }
 
     /// Where a server of this process listens; `reached` is its end of the control connection.

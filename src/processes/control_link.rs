@@ -58,7 +58,7 @@ impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Re
         let (connected, connection) = sync_channel(1);
         let (closing, close) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(StartError::Thread)?;
-        let (manager, introduction, joined) = (child.bootstrap.manager, child.introduction(), child.joined);
+        let (child, manager, introduction) = (child.clone(), child.bootstrap.manager, child.introduction());
         let period = Duration::from_millis(child.bootstrap.heartbeat_milliseconds.max(1));
         let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
             runtime.block_on(async move {
@@ -67,9 +67,11 @@ impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Re
                     Err(error) => return drop(connected.send(Err(error))),
                 };
                 drop(connected.send(Ok(connection.local_address().ip())));
+                child.tell(true);
                 let orphaned = converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
+                child.tell(false);
                 if orphaned {
-                    join::end_orphan(joined);
+                    join::end_orphan(child.joined);
                 }
             });
         });

@@ -4,9 +4,9 @@
 //! `/healthz` answers 200 when the process does its work and 503 before; `/metrics` is Prometheus' text format.
 
 use std::fmt::Write;
-use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::{future, io, thread};
 
 use axum::Router;
 use axum::extract::State;
@@ -14,6 +14,7 @@ use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use axum::routing::get;
 use tokio::net::TcpListener;
+use tokio::runtime::Builder;
 use tokio::sync::watch;
 
 /// Whoever asks is from this host, and asks rarely.
@@ -81,6 +82,19 @@ pub async fn serve(address: SocketAddr) -> Result<watch::Sender<Health>, HealthE
         Router::new().route("/healthz", get(healthz)).route("/metrics", get(metrics)).with_state(Arc::new(receiver));
     // Ends with the runtime; an error of accepting is retried within.
     tokio::spawn(async move { drop(axum::serve(listener, router).await) });
+    Ok(sender)
+}
+
+/// Answers until the process ends, from a thread of its own: a process that joins has no runtime before it has a place.
+///
+/// # Errors
+/// Those of [`serve`]; the system gives no thread.
+pub(super) fn serve_aside(address: SocketAddr) -> Result<watch::Sender<Health>, HealthError> {
+    let failed = |error| HealthError::Bind { address, error };
+    let runtime = Builder::new_current_thread().enable_all().build().map_err(failed)?;
+    let sender = runtime.block_on(serve(address))?;
+    let answer = move || runtime.block_on(future::pending::<()>());
+    thread::Builder::new().name("health".to_owned()).spawn(answer).map_err(failed)?;
     Ok(sender)
 }
 

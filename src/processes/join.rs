@@ -1,7 +1,7 @@
 //! A process that nobody spawned: it asks the manager for a place until it gets one, and begins anew when the run has
 //! failed under it.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{self, Command};
@@ -52,6 +52,8 @@ pub struct Joining {
     pub advertise: Option<String>,
     /// How long to try.
     pub patience: Duration,
+    /// Where to tell whether it has a place, on this host alone.
+    pub health: Option<SocketAddr>,
 }
 
 #[derive(Debug, thiserror::Error)]

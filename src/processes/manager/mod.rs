@@ -55,7 +55,7 @@ use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::{MemorySize, Placement, Topology};
+use crate::topology::{Cluster, MemorySize, Placement, Topology};
 use crate::tracer::{AovSet, Tiling};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -211,7 +211,10 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
             open.map(|address| format!("{address} is used without keys: who can reach it can read all that is said"))
         }
     };
-    let Keys { tls, identities } = request.keys.as_deref().map(Keys::read).transpose()?.unwrap_or_default();
+    let Keys { tls, identities } = match &request.keys {
+        Some(folder) => Keys::read(folder, &placement, &topology.cluster)?,
+        None => Keys::default(),
+    };
     let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
@@ -332,8 +335,9 @@ struct Keys {
 }
 
 impl Keys {
-    fn read(folder: &Path) -> Result<Self, KeysError> {
-        let identities = RoleKind::ALL.into_iter().filter(|&kind| kind != RoleKind::Manager);
+    /// Who joins brings its own: a manager that starts no node needs no node's keys.
+    fn read(folder: &Path, placement: &Placement, cluster: &Cluster) -> Result<Self, KeysError> {
+        let identities = RoleKind::ALL.into_iter().filter(|&kind| plan::starts(placement, cluster, kind));
         Ok(Self {
             tls: Some(Tls::new(&Identity::read(folder, RoleKind::Manager)?)?),
             identities: identities.map(|kind| Identity::read(folder, kind)).collect::<Result<_, _>>()?,

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::database::Header;
 use crate::ids::{ClusterId, Epoch};
+use crate::keys::RoleKind;
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
@@ -54,6 +55,17 @@ pub(super) fn host_of(placement: &Placement, role: Role) -> &Host {
         Role::Bus(cluster) | Role::Master(cluster) => placement.of_cluster(cluster),
         Role::Node(node) => placement.of_node(node),
         Role::Display => placement.of_display(),
+    }
+}
+
+/// Whether the manager starts any process of this kind; the others join.
+pub(super) fn starts(placement: &Placement, cluster: &Cluster, kind: RoleKind) -> bool {
+    let here = |host: &Host| host.launch != Launch::External;
+    match kind {
+        RoleKind::Manager => false,
+        RoleKind::Bus | RoleKind::Master => cluster.ids().any(|cluster| here(placement.of_cluster(cluster))),
+        RoleKind::Display => here(placement.of_display()),
+        RoleKind::Node => placement.hosts().iter().any(|host| host.nodes > 0 && here(host)),
     }
 }
 
