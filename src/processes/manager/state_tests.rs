@@ -433,6 +433,31 @@ fn a_comparison_that_was_lost_is_made_again() {
 }
 
 #[test]
+fn a_verified_run_ends_when_the_display_has_told_all() {
+    let mut plan = sample::plan(2, 1);
+    plan.run.verify = 1.0;
+    let mut stage = Stage::configured(plan, 1);
+    stage.done(0, 0, 0);
+    stage.master(MasterReport::TilesWanted(9));
+    stage.done(1, 0, 1);
+    let result = |n: u16, digest| TileResult {
+        attempt: Attempt(u32::from(n)),
+        source: Some((NodeId(n), Epoch(0))),
+        digest: [digest; 32],
+    };
+    let compared = |kept, other| DisplayReport::Compared(Comparison { tile: TileId(0), kept, other });
+    // Comparisons that are under way come before the answer to this.
+    let nothing = Action::Tell(DISPLAY, Command::Display(DisplayCommand::Revoke(Vec::new())));
+    assert_eq!(stage.display(compared(result(0, 5), result(1, 5))), [nothing]);
+    let finish_node = Action::Tell(node(0, 0), Command::Node(NodeCommand::Finish));
+    assert!(stage.display(DisplayReport::Revoked(Vec::new())).contains(&finish_node));
+    // What is found out now does not take a tile out of the image.
+    assert!(stage.display(compared(result(0, 5), result(1, 6))).is_empty());
+    assert!(stage.incidents()[0].starts_with("two results of tile 0 differ"));
+    assert_eq!(stage.state.queue.missing(), 0);
+}
+
+#[test]
 fn an_interrupted_run_is_over_in_time_whoever_hangs() {
     let mut stage = Stage::running(1, 4);
     assert!(stage.happens(Event::Signal(Interrupt::Sigint)).contains(&Action::Kill(node(0, 0))));

@@ -4,32 +4,28 @@ use std::collections::HashMap;
 
 use super::child::{Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
-use crate::ids::{Attempt, NodeId, TileId};
-use crate::processes::manager::process::{Command, ProcessId, Report};
+use crate::ids::{Attempt, TileId};
+use crate::processes::manager::process::{Command, Report};
 use crate::protocol::control::{BusCommand, BusReport, BusTotals};
 use crate::protocol::memory::MemoryRequest;
 
 #[derive(Debug)]
 pub(super) struct Bus {
     pub(super) child: Child,
-    peers: HashMap<Wire, ProcessId>,
     totals: BusTotals,
     /// Fetches and their bytes.
-    fetched: HashMap<(NodeId, TileId, Attempt), (u64, u64)>,
+    fetched: HashMap<(TileId, Attempt), (u64, u64)>,
 }
 
 impl Bus {
     pub(super) fn new(child: Child) -> Self {
-        Self { child, peers: HashMap::new(), totals: BusTotals::default(), fetched: HashMap::new() }
+        Self { child, totals: BusTotals::default(), fetched: HashMap::new() }
     }
 
     pub(super) fn arrived(&mut self, network: &mut Network, wire: Wire, parcel: Parcel) {
         let me = self.child.me;
         match parcel {
-            Parcel::Hello(peer) => {
-                self.peers.insert(wire, peer);
-                network.welcome(me, wire);
-            }
+            Parcel::Hello(_) => network.welcome(me, wire),
             Parcel::Message(Message::Command(Command::Bus(command))) => self.obey(network, command),
             Parcel::Message(Message::Store) => network.send(me, wire, Message::Stored),
             Parcel::Message(Message::Modelled(MemoryRequest::Job { bytes, .. })) => {
@@ -37,13 +33,11 @@ impl Bus {
                 self.totals.message_bytes += u64::from(bytes);
             }
             Parcel::Message(Message::Fetch { tile, attempt, fetches, bytes }) => {
-                if let Some(node) = self.peers.get(&wire).and_then(|peer| peer.node()) {
-                    self.log(fetches);
-                    self.totals.fetches += fetches;
-                    self.totals.fetched_bytes += bytes;
-                    let fetched = self.fetched.entry((node, tile, attempt)).or_default();
-                    *fetched = (fetched.0 + fetches, fetched.1 + bytes);
-                }
+                self.log(fetches);
+                self.totals.fetches += fetches;
+                self.totals.fetched_bytes += bytes;
+                let fetched = self.fetched.entry((tile, attempt)).or_default();
+                *fetched = (fetched.0 + fetches, fetched.1 + bytes);
                 network.send(me, wire, Message::Data);
             }
             _ => {}
@@ -58,7 +52,7 @@ impl Bus {
             }
             BusCommand::Finish { lost } => {
                 for attempt in lost {
-                    let key = (attempt.node, attempt.tile, attempt.attempt);
+                    let key = (attempt.tile, attempt.attempt);
                     let (fetches, bytes) = self.fetched.get(&key).copied().unwrap_or_default();
                     self.totals.fetches_of_lost_attempts += fetches;
                     self.totals.fetched_bytes_of_lost_attempts += bytes;

@@ -27,9 +27,9 @@ use std::time::Duration;
 
 pub use self::schedule::{Schedule, What};
 pub use self::stopwatch::Clock;
+pub use self::world::Recovery;
 use self::world::{Body, World};
 pub use super::manager::rehearsal::End;
-use crate::protocol::hello::Role;
 
 /// A run that goes on for longer hangs.
 const DEADLINE: Duration = Duration::from_secs(1800);
@@ -48,8 +48,7 @@ pub struct Outcome {
     pub reissued: u64,
     /// Tiles whose two results agreed, and those where they did not.
     pub compared: (u64, u64),
-    /// From each fault to the next tile that was done.
-    pub recoveries: Vec<(What, Role, Duration)>,
+    pub recoveries: Vec<Recovery>,
     /// Most attempts that masters had, and most tiles one master had for each of its nodes.
     pub out_most: usize,
     pub tiles_a_node_most: usize,

@@ -26,7 +26,10 @@ const TILES_A_NODE: usize = 8;
 pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) -> Vec<String> {
     let mut broken = Vec::new();
     match world.manager.end() {
-        None => broken.push(format!("it does not end: {} tiles are missing", world.manager.missing())),
+        None => {
+            broken.push(format!("it does not end: {} tiles are missing", world.manager.missing()));
+            broken.extend(world.manager.describe_missing());
+        }
         Some(End::Complete) => complete(schedule, world, &mut broken),
         Some(end) => {
             if let Some(why) = unreasonable(schedule, world, &end) {
@@ -57,10 +60,8 @@ fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
     let Some(image) = displays.last() else {
         return broken.push("complete without an image".to_owned());
     };
-    let unverified = |tile: TileId| {
-        let text = format!("{tile} is not verified");
-        world.manager.incidents().iter().any(|incident| incident.text.starts_with(&text))
-    };
+    let is_verified = schedule.play.run.verify > 0.0
+        && !world.manager.incidents().iter().any(|incident| incident.text.contains("is not verified"));
     if image.tiles_done != schedule.tiles() {
         broken.push(format!("complete with {} of {} tiles", image.tiles_done, schedule.tiles()));
     }
@@ -74,7 +75,7 @@ fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
         }
         let is_right = image.frame.pixels().colour[tile.0 as usize] == fake_tracer::pixels(tile).colour[0];
         let by_corrupt = world.corrupted.contains(&ProcessId { role: Role::Node(node), epoch });
-        if !is_right && !(by_corrupt && (schedule.play.run.verify == 0.0 || unverified(tile))) {
+        if !is_right && (is_verified || !by_corrupt) {
             broken.push(format!("{tile} of {node} ({epoch}) is wrong"));
         }
     }
