@@ -54,6 +54,8 @@ pub struct Outcome {
     pub tiles_a_node_most: usize,
     /// Most messages under way on one connection, those that were held up included.
     pub under_way_most: usize,
+    /// Tiles of the finished image whose pixels are not what they should be.
+    pub wrong_tiles: usize,
     /// Promises that were not kept, each with what shows it.
     pub broken: Vec<String>,
     /// What the report would tell, for a look at what went on.
@@ -82,6 +84,7 @@ pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
         out_most: world.most.out,
         tiles_a_node_most,
         under_way_most: world.network.longest,
+        wrong_tiles: promises::wrong_tiles(schedule, &world).len(),
         broken: promises::broken(schedule, &world, tiles_a_node_most),
         incidents: incidents(&world),
         recoveries: world.recoveries,
