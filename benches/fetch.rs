@@ -134,7 +134,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 fn introduction(role: Role, tls: &Option<Tls>) -> Introduction {
-    Credentials { token: TOKEN, tls: tls.clone() }.introduction(role, Epoch(0))
+    Credentials { token: TOKEN, tls: tls.clone(), joiners: false }.introduction(role, Epoch(0))
 }
 
 fn fetch(line: u64) -> FetchRequest {
@@ -160,7 +160,7 @@ fn start_bus(configuration: BusConfiguration, tls: &Option<Tls>) -> Result<Socke
     let (memory_loop, handle) = MemoryLoop::new(State::new(&configuration, Epoch(0)), recording, incidents, DEADLINE)?;
     thread::spawn(|| memory_loop.run());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let credentials = Credentials { token: TOKEN, tls: tls.clone() };
+    let credentials = Credentials { token: TOKEN, tls: tls.clone(), joiners: false };
     let bound = Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials, |_, _| Ok(()));
     let mut listener = runtime.block_on(bound)?;
     let address = listener.address();

@@ -1,13 +1,16 @@
-//! The bus process; `marti run` starts it. By itself, with `--recording`, it serves the image of a recording.
+//! The bus process; `marti run` starts it, or it joins one. With `--recording` it serves the image of a recording.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
+use marti::cli::program::JoinArguments;
+use marti::ids::ClusterId;
 use marti::processes::bus;
+use marti::protocol::hello::Role;
 
-/// The bus of a cluster. `marti run` starts one; by itself it needs a recording.
+/// The bus of a cluster. `marti run` starts it; by itself it joins a run, or serves a recording.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -20,16 +23,15 @@ struct Arguments {
     /// Folder for this bus' own recording, its log, and bus.token, the file with its secret
     #[arg(long, value_name = "DIR", default_value = "out/bus", requires = "recording")]
     out: PathBuf,
+    #[command(flatten)]
+    join: JoinArguments,
 }
 
 fn main() -> ExitCode {
-    let Arguments { recording, bind, out } = Arguments::parse();
-    let ended = match recording {
-        None => bus::run(),
-        Some(recording) => bus::serve_alone(&bus::Alone { recording, bind, out }).map(drop),
-    };
-    match ended {
-        Ok(()) => ExitCode::SUCCESS,
+    let Arguments { recording, bind, out, join } = Arguments::parse();
+    let Some(recording) = recording else { return join.play("marti-bus", Role::Bus(ClusterId(0)), bus::run) };
+    match bus::serve_alone(&bus::Alone { recording, bind, out }) {
+        Ok(_) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE

@@ -1,11 +1,24 @@
-//! `marti-display`: the frame buffer and the image files. Started by `marti run`.
+//! `marti-display`: the frame buffer and the image files. `marti run` starts it, or it joins one.
 
-use marti::processes::{Child, display};
+use std::process::ExitCode;
+
+use clap::Parser;
+use marti::cli::program::JoinArguments;
+use marti::processes::display;
 use marti::protocol::hello::Role;
 
-fn main() -> anyhow::Result<()> {
-    let child = Child::start("marti-display", Role::Display)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(display::run(child)).inspect_err(|error| tracing::error!("{error}"))?;
-    Ok(())
+/// The frame buffer and the image files. `marti run` starts it; by itself it joins a run.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    join: JoinArguments,
+}
+
+fn main() -> ExitCode {
+    Arguments::parse().join.play("marti-display", Role::Display, |child| -> anyhow::Result<()> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        runtime.block_on(display::run(child.clone())).inspect_err(|error| tracing::error!("{error}"))?;
+        Ok(())
+    })
 }

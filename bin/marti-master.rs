@@ -1,12 +1,25 @@
-//! `marti-master`: one cluster's job queue. Started by `marti run`.
+//! `marti-master`: one cluster's job queue. `marti run` starts it, or it joins one.
 
+use std::process::ExitCode;
+
+use clap::Parser;
+use marti::cli::program::JoinArguments;
 use marti::ids::ClusterId;
-use marti::processes::{Child, master};
+use marti::processes::master;
 use marti::protocol::hello::Role;
 
-fn main() -> anyhow::Result<()> {
-    let child = Child::start("marti-master", Role::Master(ClusterId(0)))?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(master::run(child)).inspect_err(|error| tracing::error!("{error}"))?;
-    Ok(())
+/// One cluster's job queue. `marti run` starts it; by itself it joins a run.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    join: JoinArguments,
+}
+
+fn main() -> ExitCode {
+    Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), |child| -> anyhow::Result<()> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        runtime.block_on(master::run(child.clone())).inspect_err(|error| tracing::error!("{error}"))?;
+        Ok(())
+    })
 }

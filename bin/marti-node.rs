@@ -1,13 +1,21 @@
-//! The node process; `marti run` starts it.
+//! The node process; `marti run` starts it, or it joins one.
 
 use std::process::ExitCode;
 
+use clap::Parser;
+use marti::cli::program::JoinArguments;
+use marti::ids::NodeId;
+use marti::processes::node;
+use marti::protocol::hello::Role;
+
+/// A processing node. `marti run` starts it; by itself it joins a run.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    join: JoinArguments,
+}
+
 fn main() -> ExitCode {
-    match marti::processes::node::run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    Arguments::parse().join.play("marti-node", Role::Node(NodeId(0)), node::run)
 }

@@ -14,6 +14,7 @@ use crate::protocol::control::{
 };
 use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloPrelude, HelloReply};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::join::{JoinReply, JoinRequest};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::protocol::work::{WorkReply, WorkRequest};
 
@@ -55,11 +56,14 @@ macro_rules! messages {
 }
 
 messages! {
-    Bootstrap: HELLO_BYTES_MAX, bulk 0;
+    // With keys and certificates; less than a pipe takes at once.
+    Bootstrap: 32 << 10, bulk 0;
     // What follows it is the rest of the hello.
     HelloPrelude: 12, bulk HELLO_BYTES_MAX - 12;
     Hello: HELLO_BYTES_MAX, bulk 0;
     HelloReply: HELLO_BYTES_MAX, bulk 0;
+    JoinRequest: 512, bulk 0;
+    JoinReply: HELLO_BYTES_MAX + 4, bulk 0;
     BusCommand: 1 << 20, bulk 0;
     BusReport: 64 << 10, bulk 0;
     MasterCommand: 1 << 20, bulk 0;

@@ -43,3 +43,8 @@ id!(
     /// Bytes from the start of cluster memory.
     Address(u64), "address "
 );
+
+impl Epoch {
+    /// Of a process that has no place yet and asks for one.
+    pub const JOINING: Self = Self(u32::MAX);
+}

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::writer::BoxMakeWriter;
 
 /// Names what is logged, in the syntax of `tracing_subscriber::EnvFilter`: `MARTI_LOG=debug`.
 pub const FILTER_VARIABLE: &str = "MARTI_LOG";
@@ -19,22 +20,24 @@ pub enum TelemetryError {
     Started,
 }
 
-/// Appends what this process logs, panics included, to a file. A process calls it once.
+/// Appends what this process logs, panics included, to a file, or to standard error. A process calls it once.
 ///
 /// # Errors
 /// The file cannot be opened, [`FILTER_VARIABLE`] is not a filter, or a log was started before.
-pub fn start(path: &Path) -> Result<(), TelemetryError> {
-    let file = OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(path)
-        .map_err(|error| TelemetryError::Open { path: path.to_owned(), error })?;
+pub fn start(path: Option<&Path>) -> Result<(), TelemetryError> {
+    let open = |path: &Path| {
+        let file = OpenOptions::new().create(true).append(true).open(path);
+        file.map_err(|error| TelemetryError::Open { path: path.to_owned(), error })
+    };
+    let writer = match path.map(open).transpose()? {
+        Some(file) => BoxMakeWriter::new(Mutex::new(file)),
+        None => BoxMakeWriter::new(std::io::stderr),
+    };
     let filter = match std::env::var(FILTER_VARIABLE) {
         Ok(directives) => EnvFilter::try_new(directives)?,
         Err(_) => EnvFilter::new("info"),
     };
-    let subscriber =
-        tracing_subscriber::fmt().with_env_filter(filter).with_ansi(false).with_writer(Mutex::new(file)).finish();
+    let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(false).with_writer(writer).finish();
     tracing::subscriber::set_global_default(subscriber).map_err(|_| TelemetryError::Started)?;
     let print = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

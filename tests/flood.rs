@@ -58,7 +58,7 @@ fn a_flood_of_silent_strangers_neither_fills_memory_nor_keeps_anybody_out() {
 /// Floods a port from an address, dials it from 127.0.0.1 all the while, and tells the longest wait of those who did.
 async fn flood(what: &str, from: Ipv4Addr, listens: Option<Tls>, dials: Option<Tls>) -> Duration {
     let refusals = Arc::new(AtomicU64::new(0));
-    let (address, listening) = listen(Credentials { token: TOKEN, tls: listens }, Arc::clone(&refusals));
+    let (address, listening) = listen(Credentials { tls: listens, ..Credentials::plain(TOKEN) }, Arc::clone(&refusals));
     let before = memory_kib();
     let begin = Instant::now();
     let flooding = thread::spawn(move || strangers(from, address));

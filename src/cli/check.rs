@@ -9,7 +9,7 @@ use clap::Args;
 use super::{Failure, print};
 use crate::scene::procedural::Procedural;
 use crate::scene::{Camera, Scene};
-use crate::topology::{Arbiter, Assignment, LocalMemory, MemorySize, Override, SceneSource, Topology};
+use crate::topology::{Arbiter, Assignment, Host, Launch, LocalMemory, MemorySize, Override, SceneSource, Topology};
 use crate::tracer::Tiling;
 use crate::tracer::view::ImageSettings;
 
@@ -71,11 +71,37 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
     line("processes", format_args!("{}: manager, bus, master, display and {nodes} nodes", 4 + u32::from(nodes)));
     line("local memory", format_args!("{}", local_memory(&topology.cluster.local_memory)));
     line("bus", format_args!("{}", arbiter(topology.cluster.bus.arbiter)));
+    for host in &topology.hosts {
+        line("host", format_args!("{}", described(host, topology)));
+    }
     let deadlines = topology.run.deadlines;
     let [startup, heartbeat, tile] =
         [deadlines.startup, deadlines.heartbeat, deadlines.tile].map(|deadline: Duration| deadline.as_secs_f64());
     line("deadlines", format_args!("start-up {startup} s, heartbeat {heartbeat} s, tile {tile} s"));
     text
+}
+
+fn described(host: &Host, topology: &Topology) -> String {
+    let placement = topology.placement();
+    let holds = |holder: &Host| holder.name == host.name;
+    let mut held = Vec::new();
+    if holds(placement.of_manager()) {
+        held.push("manager".to_owned());
+    }
+    if holds(placement.of_display()) {
+        held.push("display".to_owned());
+    }
+    let servers = topology.cluster.ids().filter(|cluster| holds(placement.of_cluster(*cluster)));
+    held.extend(servers.map(|cluster| format!("bus and master of {cluster}")));
+    if host.nodes > 0 {
+        held.push(format!("{} nodes", host.nodes));
+    }
+    let launch = match &host.launch {
+        Launch::Local => "started here".to_owned(),
+        Launch::External => "which join".to_owned(),
+        Launch::Command(_) => format!("started by {}", host.command("PROGRAM").unwrap_or_default().join(" ")),
+    };
+    format!("{}: {}, {launch}", host.name, held.join(", "))
 }
 
 fn local_memory(memory: &LocalMemory) -> String {
@@ -125,6 +151,17 @@ mod tests {
              bus           first come, first served\n\
              deadlines     start-up 10 s, heartbeat 5 s, tile 600 s\n"
         );
+    }
+
+    #[test]
+    fn a_check_says_who_runs_where() {
+        let hosts = "host=[{ name = 'here', nodes = 1 }, { name = 'there', bind = '127.0.0.2', launch = ['ssh', '{host}', \
+                     '{program}'], clusters = [0] }, { name = 'cloud', launch = 'external', nodes = 5 }]";
+        let text = summary_of("teapot.toml", &["cluster.nodes=8", hosts]);
+        let hosts = "host          here: manager, display, 1 nodes, started here\n\
+                     host          there: bus and master of cluster 0, 2 nodes, started by ssh there PROGRAM\n\
+                     host          cloud: 5 nodes, which join\n";
+        assert!(text.contains(hosts), "{text}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod inspect;
 pub mod keys;
 mod lists;
 pub mod options;
+pub mod program;
 pub mod render;
 pub mod replay;
 pub mod run;

@@ -32,6 +32,15 @@ pub struct RunArguments {
     /// What to record besides the bus: references, which `marti replay` puts through other memories
     #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
     pub record: Option<Record>,
+    /// Listen here for those who join, instead of where the topology's first host says
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Folder of the cluster's keys, which `marti keys new` makes: processes prove who they are, and all is encrypted
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    pub keys: Option<PathBuf>,
+    /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
+    #[arg(long)]
+    pub insecure: bool,
     /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
     #[arg(long, value_name = "FAULTS")]
     pub chaos: Option<Schedule>,
@@ -81,6 +90,9 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
         record_references: arguments.record == Some(Record::References),
+        listen: arguments.listen,
+        keys: arguments.keys.clone(),
+        insecure: arguments.insecure,
         chaos: arguments.chaos.clone(),
         health: arguments.health,
         quiet: arguments.quiet,

@@ -1,31 +1,37 @@
-//! How a spawned process comes to life: what the manager hands down, the log, the control connection.
+//! How a process comes to life that `marti` is not: what the manager hands down, the log, the control connection.
 
-use std::io::{IsTerminal, Read};
+use std::io::{self, IsTerminal, Read};
 use std::mem::discriminant;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
 use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
-use crate::protocol::connection::{ConnectionError, Credentials, Introduction};
-use crate::protocol::control::Bootstrap;
+use crate::keys::KeysError;
+use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
+use crate::protocol::control::{Bootstrap, Command};
 use crate::protocol::hello::Role;
 use crate::telemetry::{self, TelemetryError};
 
-use super::ControlLink;
+use super::join::{self, JoinError, Origin};
+use super::{ControlLink, listening};
 
 /// The manager writes the bootstrap at once after spawning.
 const BOOTSTRAP_DEADLINE: Duration = Duration::from_secs(5);
 
-/// A process that the manager spawned.
+/// A process that the manager spawned, or that joined it.
 #[derive(Clone, Debug)]
 pub struct Child {
     pub bootstrap: Bootstrap,
+    /// Joined: it begins anew when its run has failed.
+    pub joined: bool,
+    tls: Option<Tls>,
 }
 
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    #[error("{program} is started by `marti run`, not by hand ({why})")]
+    #[error("{program} is started by `marti run`, or joins one by --join ({why})")]
     ByHand { program: &'static str, why: String },
     #[error("{program} was told to be a {role}")]
     WrongRole { program: &'static str, role: Role },
@@ -33,25 +39,44 @@ pub enum StartError {
     Telemetry(#[from] TelemetryError),
     #[error("manager: {0}")]
     Manager(#[from] ConnectionError),
+    #[error(transparent)]
+    Join(#[from] JoinError),
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
 }
 
 impl Child {
-    /// Reads the bootstrap from standard input and starts the log. `role` is this program's; of a node's,
-    /// the number does not count.
+    /// Reads the bootstrap from standard input, or asks the manager for a place, and starts the log. `role` is this
+    /// program's; its number does not count.
     ///
     /// # Errors
-    /// Standard input is a terminal, ends early, is silent for 5 s, or holds something else; the bootstrap
-    /// is for another role; the log cannot be opened.
-    pub fn start(program: &'static str, role: Role) -> Result<Self, StartError> {
-        let bootstrap = read_in_time().map_err(|why| StartError::ByHand { program, why })?;
+    /// Standard input is a terminal, ends early, is silent for 5 s, or holds something else; nobody has a place for
+    /// this process in time; the bootstrap is for another role; the log cannot be opened.
+    pub fn start(program: &'static str, role: Role, origin: &Origin) -> Result<Self, StartError> {
+        let (bootstrap, joined) = match origin {
+            Origin::Spawned => (read_in_time().map_err(|why| StartError::ByHand { program, why })?, false),
+            Origin::Joining(joining) => {
+                telemetry::start(None)?;
+                (join::join(role, joining)?, true)
+            }
+        };
         if discriminant(&bootstrap.role) != discriminant(&role) {
             return Err(StartError::WrongRole { program, role: bootstrap.role });
         }
-        telemetry::start(&bootstrap.log)?;
+        if !joined {
+            telemetry::start(bootstrap.log.as_deref())?;
+        }
         tracing::info!("{program} {} as {} ({})", env!("CARGO_PKG_VERSION"), bootstrap.role, bootstrap.epoch);
-        Ok(Self { bootstrap })
+        Self::new(bootstrap, joined)
+    }
+
+    /// # Errors
+    /// Its keys cannot be used.
+    pub(super) fn new(bootstrap: Bootstrap, joined: bool) -> Result<Self, StartError> {
+        let tls = bootstrap.identity.as_ref().map(Tls::new).transpose()?;
+        Ok(Self { bootstrap, joined, tls })
     }
 
     /// How this process introduces itself, to whomever it dials.
@@ -61,18 +86,31 @@ impl Child {
 
     /// What this process asks of those who dial it.
     pub fn credentials(&self) -> Credentials {
-        Credentials::plain(self.bootstrap.token)
+        Credentials { tls: self.tls.clone(), ..Credentials::plain(self.bootstrap.token) }
     }
 
     /// Dials the manager.
     ///
     /// # Errors
     /// The manager does not answer, or refuses this process.
-    pub fn control<Command: Message, Report: Message + Clone>(
+    pub fn control<C: Command, Report: Message + Clone>(
         &self,
         heartbeat: Report,
-    ) -> Result<ControlLink<Command, Report>, StartError> {
-        ControlLink::open(&self.bootstrap, &self.introduction(), heartbeat)
+    ) -> Result<ControlLink<C, Report>, StartError> {
+        ControlLink::open(self, heartbeat)
+    }
+
+    /// Where a server of this process listens; `reached` is its end of the control connection.
+    pub(super) fn interface(&self, reached: IpAddr) -> IpAddr {
+        self.bootstrap.bind.unwrap_or(reached)
+    }
+
+    /// Under which address others reach a server of this process.
+    ///
+    /// # Errors
+    /// The name that is to be advertised is not known.
+    pub(super) async fn advertised(&self, listens: SocketAddr, reached: IpAddr) -> io::Result<SocketAddr> {
+        listening::advertised(self.bootstrap.advertise.as_deref(), listens, reached).await
     }
 }
 
@@ -116,7 +154,10 @@ mod tests {
             epoch: Epoch(1),
             token: RunToken::new([7; 32]),
             manager: ([127, 0, 0, 1], 4242).into(),
-            log: "logs/node-3.log".into(),
+            identity: None,
+            bind: Some([127, 0, 0, 2].into()),
+            advertise: Some("there.example".to_owned()),
+            log: Some("logs/node-3.log".into()),
             heartbeat_milliseconds: 250,
         }
     }
@@ -133,7 +174,7 @@ mod tests {
         let refused = |mut input: &[u8]| read(&mut input).expect_err("not a bootstrap");
         assert_eq!(refused(b""), "standard input is empty");
         assert_eq!(refused(&frame[..20]), "standard input ends early");
-        assert!(refused(&[0xff; 64]).contains("at most 4096"), "a claim of 4 GiB");
+        assert!(refused(&[0xff; 64]).contains("at most 32768"), "a claim of 4 GiB");
         assert!(refused(&[0, 0, 0, 4, 9, 9, 9, 9]).contains("not a Bootstrap"));
     }
 }

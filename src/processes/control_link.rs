@@ -1,10 +1,9 @@
 //! A child's end of its control connection.
 //!
 //! It has a thread and a runtime of its own, so that nothing that the process does can hold up its signs
-//! of life, and so that the process ends when the manager is gone, whatever its other threads do.
+//! of life, and so that the process ends when the manager is gone or silent, whatever its other threads do.
 
 use std::net::IpAddr;
-use std::process;
 use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -12,19 +11,29 @@ use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
-use super::bootstrap::StartError;
+use super::bootstrap::{Child, StartError};
+use super::join;
 use crate::codec::Message;
-use crate::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, connect};
-use crate::protocol::control::Bootstrap;
+use crate::protocol::connection::{Connection, ConnectionError, Receiver, Sender, connect};
+use crate::protocol::control;
 use crate::protocol::hello::Role;
 
 /// For the manager to answer the first hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
 /// From the end of the control connection to that of the process, for closing files.
-const ORPHAN_GRACE: Duration = Duration::from_millis(700);
+pub const ORPHAN_GRACE: Duration = Duration::from_millis(700);
 /// For the manager to take note of the last report and hang up.
 const FAREWELL_DEADLINE: Duration = Duration::from_secs(1);
 const QUEUE_MAX: usize = 256;
+/// Signs of life that the manager owes before it counts as gone: those of two of its own deadlines.
+const HEARTBEATS: u32 = 8;
+const PATIENCE_MIN: Duration = Duration::from_secs(2);
+
+/// How long a process waits for a sign of life of its manager that comes every so often. Nothing that this process
+/// does counts when the time and [`ORPHAN_GRACE`] have passed: it is dead.
+pub fn patience(period: Duration) -> Duration {
+    (period * HEARTBEATS).max(PATIENCE_MIN)
+}
 
 /// Commands from the manager, reports to it. Heartbeats go out by themselves.
 #[derive(Debug)]
@@ -38,23 +47,19 @@ pub struct ControlLink<Command, Report> {
     thread: JoinHandle<()>,
 }
 
-impl<Command: Message, Report: Message + Clone> ControlLink<Command, Report> {
+impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Report> {
     /// Dials the manager and starts to send `heartbeat` every so often.
     ///
     /// # Errors
     /// The manager does not answer within 5 s, or refuses this process.
-    pub(super) fn open(
-        bootstrap: &Bootstrap,
-        introduction: &Introduction,
-        heartbeat: Report,
-    ) -> Result<Self, StartError> {
+    pub(super) fn open(child: &Child, heartbeat: Report) -> Result<Self, StartError> {
         let (command_sender, commands) = mpsc::channel(QUEUE_MAX);
         let (reports, report_receiver) = mpsc::channel(QUEUE_MAX);
         let (connected, connection) = sync_channel(1);
         let (closing, close) = oneshot::channel();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(StartError::Thread)?;
-        let (manager, introduction) = (bootstrap.manager, introduction.clone());
-        let period = Duration::from_millis(bootstrap.heartbeat_milliseconds.max(1));
+        let (manager, introduction, joined) = (child.bootstrap.manager, child.introduction(), child.joined);
+        let period = Duration::from_millis(child.bootstrap.heartbeat_milliseconds.max(1));
         let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
             runtime.block_on(async move {
                 let connection = match connect(Role::Manager, manager, &introduction, CONNECT_DEADLINE).await {
@@ -62,7 +67,10 @@ impl<Command: Message, Report: Message + Clone> ControlLink<Command, Report> {
                     Err(error) => return drop(connected.send(Err(error))),
                 };
                 drop(connected.send(Ok(connection.local_address().ip())));
-                converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
+                let orphaned = converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
+                if orphaned {
+                    join::end_orphan(joined);
+                }
             });
         });
         let thread = thread.map_err(StartError::Thread)?;
@@ -80,29 +88,33 @@ impl<Command: Message, Report: Message + Clone> ControlLink<Command, Report> {
     }
 }
 
-async fn converse<Command: Message, Report: Message + Clone>(
+/// Whether the manager went first.
+async fn converse<Command: control::Command, Report: Message + Clone>(
     connection: Connection,
     commands: mpsc::Sender<Command>,
     reports: mpsc::Receiver<Report>,
     close: oneshot::Receiver<()>,
     heartbeat: Report,
     period: Duration,
-) {
+) -> bool {
     let (sender, mut receiver) = connection.split::<Report, Command>();
     let mut farewell = std::pin::pin!(report(sender, reports, close, heartbeat, period));
     let orphaned = tokio::select! {
         biased;
         told = &mut farewell => match told {
             // Everything is said: what else comes does not matter, the end does.
-            Ok(()) => return drop(timeout(FAREWELL_DEADLINE, drain(&mut receiver)).await),
+            Ok(()) => {
+                drop(timeout(FAREWELL_DEADLINE, drain(&mut receiver)).await);
+                return false;
+            }
             Err(error) => error.to_string(),
         },
-        why = forward(&mut receiver, &commands) => why,
+        why = forward(&mut receiver, &commands, patience(period)) => why,
     };
     tracing::error!("the manager is gone: {orphaned}");
     drop(commands);
     sleep(ORPHAN_GRACE).await;
-    process::exit(1);
+    true
 }
 
 /// Heartbeats and reports until the process closes the link.
@@ -132,9 +144,14 @@ async fn report<Report: Message + Clone>(
 }
 
 /// Commands until the manager is gone, and why it is.
-async fn forward<Command: Message>(receiver: &mut Receiver<Command>, commands: &mpsc::Sender<Command>) -> String {
+async fn forward<Command: control::Command>(
+    receiver: &mut Receiver<Command>,
+    commands: &mpsc::Sender<Command>,
+    patience: Duration,
+) -> String {
     loop {
-        match receiver.receive().await {
+        match receiver.receive_within(patience).await {
+            Ok(Some(command)) if command.is_heartbeat() => {}
             // An error means that the process does not listen any more: it is about to close.
             Ok(Some(command)) => drop(commands.send(command).await),
             Ok(None) => return "it closed the connection".to_owned(),
@@ -155,7 +172,7 @@ mod tests {
     use super::*;
     use crate::ids::{ClusterId, Epoch};
     use crate::protocol::connection::{Credentials, Listener};
-    use crate::protocol::control::{BusCommand, BusReport};
+    use crate::protocol::control::{Bootstrap, BusCommand, BusReport};
     use crate::protocol::hello::RunToken;
 
     const PERIOD: Duration = Duration::from_millis(20);
@@ -170,14 +187,17 @@ mod tests {
             epoch: Epoch(0),
             token: credentials.token,
             manager: manager.address(),
-            log: "unused".into(),
+            identity: None,
+            bind: None,
+            advertise: None,
+            log: None,
             heartbeat_milliseconds: PERIOD.as_millis() as u64,
         };
         let busy = 20 * PERIOD;
         let process = thread::spawn(move || {
-            let introduction = credentials.introduction(bootstrap.role, bootstrap.epoch);
+            let child = Child::new(bootstrap, false).expect("no keys");
             let mut link: ControlLink<BusCommand, BusReport> =
-                ControlLink::open(&bootstrap, &introduction, BusReport::Heartbeat).expect("welcome");
+                ControlLink::open(&child, BusReport::Heartbeat).expect("welcome");
             let command = link.commands.blocking_recv();
             thread::sleep(busy);
             for i in 0..100 {
@@ -193,6 +213,8 @@ mod tests {
         let (_, connection) = manager.arrival().await.expect("well known");
         let (mut sender, mut receiver) = connection.split::<BusCommand, BusReport>();
         let finish = BusCommand::Finish { lost: Vec::new() };
+        // A sign of life is for the link alone.
+        sender.send(&BusCommand::Heartbeat).await.expect("awaited");
         sender.send(&finish).await.expect("awaited");
         let (mut heartbeats, mut incidents) = (0, Vec::new());
         while let Some(report) = receiver.receive_within(FAREWELL_DEADLINE).await.expect("whole frames") {

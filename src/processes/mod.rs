@@ -6,6 +6,8 @@ pub mod bus;
 pub mod control_link;
 pub mod display;
 pub mod health;
+pub mod join;
+mod listening;
 mod loader;
 pub mod manager;
 pub mod master;
@@ -16,3 +18,4 @@ pub mod token;
 
 pub use bootstrap::{Child, StartError};
 pub use control_link::ControlLink;
+pub use join::Origin;

@@ -1,34 +1,66 @@
 //! Every process with the manager: configuration, signs of life, the end. No bulk data, so that no
 //! heartbeat waits behind an upload.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use super::hello::{Role, RunToken};
 use super::work::TileDone;
+use crate::codec::Message;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::keys::Identity;
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
 use crate::tracer::simd::Simd;
 use crate::tracer::{AovSet, Tiling, View};
 
-/// Handed to a spawned process by its standard input: where to go, and the secret.
+/// Handed to a spawned process by its standard input, to one that joins by the manager's port: where to go, and the
+/// secret.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Bootstrap {
     pub role: Role,
     pub epoch: Epoch,
     pub token: RunToken,
     pub manager: SocketAddr,
-    /// The text log of this process.
-    pub log: PathBuf,
+    /// What it proves itself with; `None`: plain TCP, or what it has of its own.
+    pub identity: Option<Identity>,
+    /// Where a server listens; `None`: at the interface by which it reaches the manager.
+    pub bind: Option<IpAddr>,
+    /// Under what others reach a server, an address or a name; `None`: under the address that it listens at.
+    pub advertise: Option<String>,
+    /// The text log of this process; `None`: standard error.
+    pub log: Option<PathBuf>,
+    /// Of both sides of the control connection.
     pub heartbeat_milliseconds: u64,
 }
+
+/// What the manager tells a process: among it, that it lives.
+pub trait Command: Message {
+    const HEARTBEAT: Self;
+
+    fn is_heartbeat(&self) -> bool;
+}
+
+macro_rules! commands {
+    ($($name:ident)*) => { $(
+        impl Command for $name {
+            const HEARTBEAT: Self = Self::Heartbeat;
+
+            fn is_heartbeat(&self) -> bool {
+                matches!(self, Self::Heartbeat)
+            }
+        }
+    )* };
+}
+
+commands! { BusCommand MasterCommand NodeCommand DisplayCommand }
 
 /// Manager to bus.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum BusCommand {
+    Heartbeat,
     Configure(BusConfiguration),
     /// All tiles are accounted for: close the recording and report. The lost attempts are told so that
     /// their fetches can be counted apart.
@@ -83,6 +115,7 @@ pub struct LostAttempt {
 /// Manager to master.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum MasterCommand {
+    Heartbeat,
     Configure(MasterConfiguration),
     /// Tiles for the cluster's queue, in the order they are to be handed out.
     Tiles(Vec<TileGrant>),
@@ -162,6 +195,7 @@ pub struct MasterTotals {
 /// Manager to node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum NodeCommand {
+    Heartbeat,
     Configure(Box<NodeConfiguration>),
     /// There is a new display: what the last one did not acknowledge goes there again.
     Display(SocketAddr),
@@ -196,6 +230,8 @@ pub enum NodeReport {
     Failed(String),
     /// It holds the whole database and is ready to trace so.
     Packets(Packets),
+    /// It was asked to go, holds no tile any more, and ends by itself.
+    Leaving,
     Finished,
 }
 
@@ -210,6 +246,7 @@ pub struct Packets {
 /// Manager to display.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayCommand {
+    Heartbeat,
     Configure(DisplayConfiguration),
     /// What is held of these tiles is wrong: they are to be taken anew. At most [`REVOCATIONS_MAX`].
     Revoke(Vec<Revocation>),

@@ -7,5 +7,6 @@ pub mod connection;
 pub mod control;
 pub mod hello;
 pub mod image;
+pub mod join;
 pub mod memory;
 pub mod work;

@@ -70,7 +70,7 @@ impl<'a> Document<'a> {
     }
 
     fn span(&self, key: &str) -> Option<Range<usize>> {
-        key.split('.').try_fold(&self.root, |value, part| value.get_ref().get(part)).map(Spanned::span)
+        key.split('.').try_fold(&self.root, part_of).map(Spanned::span)
     }
 
     fn override_span(&self, index: usize) -> Range<usize> {
@@ -106,6 +106,14 @@ impl<'a> Document<'a> {
             Some(one) => SourceError::new(Path::new(&one.to_string()), None, what),
             None => self.source.error(span.start, what),
         }
+    }
+}
+
+/// What a table has under a key, or an array at a number.
+fn part_of<'v, 'a>(value: &'v Spanned<DeValue<'a>>, key: &str) -> Option<&'v Spanned<DeValue<'a>>> {
+    match value.get_ref() {
+        DeValue::Array(elements) => elements.get(key.parse::<usize>().ok()?),
+        value => value.get(key),
     }
 }
 

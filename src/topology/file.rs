@@ -9,6 +9,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+pub use super::host_file::Host;
 use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
     ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
@@ -38,6 +39,8 @@ pub struct File {
     pub octree: Octree,
     #[serde(deserialize_with = "table")]
     pub cluster: Cluster,
+    #[serde(deserialize_with = "tables", skip_serializing_if = "Vec::is_empty")]
+    pub host: Vec<Host>,
     #[serde(deserialize_with = "table")]
     pub run: Run,
 }
@@ -341,11 +344,18 @@ pub struct Deadlines {
     pub heartbeat_seconds: Seconds,
     /// From a tile's issue to its acknowledgement.
     pub tile_seconds: Seconds,
+    /// For somebody to join who takes a place on an external host.
+    pub join_seconds: Seconds,
 }
 
 impl Default for Deadlines {
     fn default() -> Self {
-        Self { startup_seconds: Seconds(10.0), heartbeat_seconds: Seconds(5.0), tile_seconds: Seconds(600.0) }
+        Self {
+            startup_seconds: Seconds(10.0),
+            heartbeat_seconds: Seconds(5.0),
+            tile_seconds: Seconds(600.0),
+            join_seconds: Seconds(600.0),
+        }
     }
 }
 

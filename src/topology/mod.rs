@@ -2,9 +2,13 @@
 
 mod document;
 pub mod file;
+pub mod host;
+pub mod host_file;
 mod memory_size;
 pub mod overrides;
+pub mod placement;
 mod prove;
+mod prove_hosts;
 mod read;
 mod scene_source;
 pub mod schema;
@@ -19,8 +23,10 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use host::{Host, Launch};
 pub use memory_size::NotASize;
 pub use overrides::Override;
+pub use placement::Placement;
 
 use crate::ids::{ClusterId, NodeId};
 use crate::scene::{Camera, Light, procedural::Procedural};
@@ -40,6 +46,8 @@ pub struct Topology {
     pub image: Image,
     pub octree: Octree,
     pub cluster: Cluster,
+    /// The first is the manager's own; empty: everything is there, on the loopback interface.
+    pub hosts: Vec<Host>,
     pub run: Run,
 }
 
@@ -292,9 +300,16 @@ pub struct Deadlines {
     pub heartbeat: Duration,
     /// From a tile's issue to its acknowledgement.
     pub tile: Duration,
+    /// For somebody to join who takes a place on an external host.
+    pub join: Duration,
 }
 
 impl Topology {
+    /// Which host holds which process.
+    pub fn placement(&self) -> Placement {
+        Placement::new(&self.hosts, &self.cluster)
+    }
+
     /// The image settings, once the scene's own resolution is known.
     ///
     /// # Errors

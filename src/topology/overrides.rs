@@ -186,7 +186,7 @@ mod tests {
             ),
             (
                 "clutser.nodes=2",
-                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, run; did you mean cluster?",
+                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean cluster?",
             ),
             ("image.width.x=2", "image.width is of type integer, expected a table"),
             ("light.2.position=[0, 0, 0]", "light has no element 2, expected a number below 2"),

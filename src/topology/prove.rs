@@ -10,6 +10,7 @@ use super::file::{self, File};
 use super::value::{Channel, Coordinate, Quantum, Seconds};
 use super::{
     Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Run, SceneSource, Topology,
+    prove_hosts,
 };
 use crate::scene::{Camera, Light, SourceError};
 use crate::tracer::view::ImageSettings;
@@ -27,7 +28,9 @@ const VERIFY_NODES_MIN: u16 = 3;
 pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Result<Topology> {
     let camera = written.camera.as_ref().map(|camera| prove_camera(camera, document)).transpose()?;
     let light = |light: &file::Light| Light { position: point(light.position), colour: colour(light.colour) };
+    let cluster = cluster(&written.cluster, document)?;
     Ok(Topology {
+        hosts: prove_hosts::prove(written, &cluster, document)?,
         name: name(path, written, document)?,
         scene: source(path, &written.scene, document)?,
         camera,
@@ -39,13 +42,7 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             max_depth: written.octree.max_depth.0,
             mailbox: written.octree.mailbox,
         },
-        cluster: Cluster {
-            count: written.cluster.count.0,
-            nodes: written.cluster.nodes.0,
-            processor: processor(&written.cluster.processor),
-            local_memory: local_memory(&written.cluster.local_memory, document)?,
-            bus: bus(&written.cluster.bus, document)?,
-        },
+        cluster,
         run: Run {
             order: written.run.order,
             assignment: written.run.assignment,
@@ -113,6 +110,16 @@ fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {
     let keys = ["image.tile", "image.width", "image.height"];
     image.check_tile(width, height).map_err(|what| document.error(&keys, what))?;
     Ok(image)
+}
+
+fn cluster(written: &file::Cluster, document: &Document<'_>) -> Result<Cluster> {
+    Ok(Cluster {
+        count: written.count.0,
+        nodes: written.nodes.0,
+        processor: processor(&written.processor),
+        local_memory: local_memory(&written.local_memory, document)?,
+        bus: bus(&written.bus, document)?,
+    })
 }
 
 fn processor(written: &file::Processor) -> Processor {
@@ -187,6 +194,7 @@ fn deadlines(written: &file::Deadlines) -> Deadlines {
         startup: duration(written.startup_seconds),
         heartbeat: duration(written.heartbeat_seconds),
         tile: duration(written.tile_seconds),
+        join: duration(written.join_seconds),
     }
 }
 

@@ -65,7 +65,7 @@ mod tests {
             ("[scene]\nprocedural = 'teapot'\nprocedural = 'gears'", "3:1: duplicate key, expected valid TOML"),
             (
                 "[scnee]",
-                "1:2: unknown key scnee, expected one of topology, scene, camera, light, image, octree, cluster, run; did you mean scene?",
+                "1:2: unknown key scnee, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean scene?",
             ),
             (
                 "[scene]\nprocedural = 'teapots'",
@@ -101,7 +101,7 @@ mod tests {
             ),
             (
                 "\"\\u001b[2J\" = 1",
-                "1:1: unknown key �[2J, expected one of topology, scene, camera, light, image, octree, cluster, run",
+                "1:1: unknown key �[2J, expected one of topology, scene, camera, light, image, octree, cluster, host, run",
             ),
             ("scene.procedural = 'gears' é", "1:28: unexpected key or value, expected newline, `#`"),
         ];
@@ -271,7 +271,7 @@ mod tests {
             ),
             (
                 "[run.deadlines]\ntile = 10",
-                "3:1: unknown key run.deadlines.tile, expected one of startup_seconds, heartbeat_seconds, tile_seconds; did you mean tile_seconds?",
+                "3:1: unknown key run.deadlines.tile, expected one of startup_seconds, heartbeat_seconds, tile_seconds, join_seconds; did you mean tile_seconds?",
             ),
         ];
         for (section, reason) in table {
@@ -326,6 +326,7 @@ mod tests {
                     transactions: Transactions::Locked,
                 },
             },
+            hosts: Vec::new(),
             run: Run {
                 order: TileOrder::Scanline,
                 assignment: Assignment::OnDemand,
@@ -335,6 +336,7 @@ mod tests {
                     startup: Duration::from_secs(10),
                     heartbeat: Duration::from_secs(5),
                     tile: Duration::from_secs(600),
+                    join: Duration::from_secs(600),
                 },
             },
         };

@@ -210,6 +210,21 @@ quantity!(
     Range::integer(1.0, 64.0)
 );
 quantity!(
+    /// A cluster.
+    ClusterNumber(u16),
+    Range::integer(0.0, 63.0)
+);
+quantity!(
+    /// Processing nodes of a host, of all clusters.
+    HostNodes(u16),
+    Range::integer(0.0, 16_384.0)
+);
+quantity!(
+    /// A TCP port; 0: any that is free.
+    Port(u16),
+    Range::integer(0.0, 65_535.0)
+);
+quantity!(
     /// Share of the tiles that is rendered twice.
     Verify(f64),
     Range::number(0.0, 1.0)
@@ -254,6 +269,19 @@ quantity!(
     Seconds(f64),
     Range::number(0.1, 86_400.0)
 );
+
+#[expect(clippy::derivable_impls, reason = "the macro derives for all quantities alike, and few have a default")]
+impl Default for Port {
+    fn default() -> Self {
+        Self(0)
+    }
+}
+
+impl Port {
+    pub(super) fn is_any(&self) -> bool {
+        self.0 == 0
+    }
+}
 
 /// Width and height of a tile, pixels: one number for a square, or `[width, height]`.
 #[derive(Clone, Copy, Debug, PartialEq)]

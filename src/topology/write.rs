@@ -39,6 +39,7 @@ impl From<&Topology> for File {
             image: image(&topology.image),
             octree: octree(topology.octree),
             cluster: cluster(&topology.cluster),
+            host: topology.hosts.iter().map(file::Host::from).collect(),
             run: run(&topology.run),
         }
     }
@@ -134,6 +135,7 @@ fn run(run: &Run) -> file::Run {
             startup_seconds: Seconds(run.deadlines.startup.as_secs_f64()),
             heartbeat_seconds: Seconds(run.deadlines.heartbeat.as_secs_f64()),
             tile_seconds: Seconds(run.deadlines.tile.as_secs_f64()),
+            join_seconds: Seconds(run.deadlines.join.as_secs_f64()),
         },
     }
 }
@@ -175,7 +177,12 @@ mod tests {
         cluster.bus = { arbiter = 'round_robin', quantum = 17, width = 64, cycles_per_word = 1024, latency = 0,\n\
             transactions = 'split' }\n\
         run = { order = 'morton', assignment = 'interleaved', seed = 9007199254740991, verify = 0.25, deadlines = {\n\
-            startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999 } }\n";
+            startup_seconds = 0.1, heartbeat_seconds = 1.7, tile_seconds = 86399.999999999,\n\
+            join_seconds = 61.5 } }\n\
+        host = [{ name = 'here', bind = '0.0.0.0', advertise = 'here.example', port = 4242, nodes = 100 },\n\
+            { name = 'u@b-2', bind = '10.0.0.2', launch = ['ssh', '{host}', 'exec {program}'], programs = '/opt/marti',\n\
+            shared_files = true, clusters = [2, 1], display = true },\n\
+            { name = 'cloud', launch = 'external', nodes = 0 }]\n";
 
     #[test]
     fn every_key_is_written_as_it_was_read() {

@@ -116,6 +116,15 @@ const CASES: &[Case] = &[
         "[scene]\nfile = \"a.obj\"\n[camera]\nfrom = [0, 0, nan]\nat = [0, 0, 0]\nup = [0, 1, 0]\nangle = 45\n"
     ),
     topology!("topology: a later version", "[topology]\nversion = 2\n[scene]\nprocedural = \"gears\"\n"),
+    topology!(
+        "topology: a host that nobody can reach",
+        "[scene]\nprocedural = \"gears\"\n[[host]]\nname = \"here\"\n[[host]]\nname = \"there\"\nlaunch = [\"ssh\", \"{host}\", \"{program}\"]\n"
+    ),
+    topology!(
+        "topology: a launcher that starts nothing",
+        "[scene]\nprocedural = \"gears\"\n[[host]]\nname = \"here\"\n[[host]]\nname = \"there\"\nlaunch = [\"ssh\", \"{host}\"]\n"
+    ),
+    topology!("topology: nodes on no host", "[scene]\nprocedural = \"gears\"\n[[host]]\nname = \"here\"\nnodes = 3\n"),
     ("topology: binary", &[("bad.toml", b"\x00\x01\x02\xff")], &["check", "bad.toml"]),
     (
         "override: unknown key",

@@ -8,6 +8,7 @@ mod damaged_recordings;
 mod exports;
 mod faults;
 mod frames;
+mod hosts;
 mod play;
 mod processes;
 mod recording;

@@ -81,7 +81,7 @@ fn prepare(alone: &Alone) -> Result<PathBuf, BusError> {
             _ => {}
         }
     }
-    telemetry::start(&logs.join("bus.log")).map_err(StartError::from)?;
+    telemetry::start(Some(&logs.join("bus.log"))).map_err(StartError::from)?;
     Ok(recording)
 }
 

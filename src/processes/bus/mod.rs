@@ -19,10 +19,9 @@ use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
-use crate::ids::{ClusterId, Epoch};
+use crate::ids::Epoch;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
-use crate::protocol::hello::Role;
 use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 
 /// Incidents on their way from the loop to the manager.
@@ -56,16 +55,15 @@ pub enum BusError {
     Orphaned,
 }
 
-/// From standard input to the end of the process.
+/// Serves until the manager says that it is over.
 ///
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
-pub fn run() -> Result<(), BusError> {
-    let child = Child::start("marti-bus", Role::Bus(ClusterId(0)))?;
+pub fn run(child: &Child) -> Result<(), BusError> {
     let mut link = child.control(BusReport::Heartbeat)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let outcome = runtime.block_on(async {
-        let outcome = serve(&child, &mut link).await;
+        let outcome = serve(child, &mut link).await;
         let report = match &outcome {
             Ok(totals) => BusReport::Finished(*totals),
             Err(error) => BusReport::Incident(error.to_string()),
@@ -86,13 +84,16 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
     let configuration = match link.commands.recv().await {
         Some(BusCommand::Configure(configuration)) => configuration,
         Some(BusCommand::Finish { .. }) => return Ok(BusTotals::default()),
-        None => return Err(BusError::Orphaned),
+        Some(BusCommand::Heartbeat) | None => return Err(BusError::Orphaned),
     };
     let epoch = child.bootstrap.epoch;
+    // On a machine of its own nobody has made it.
+    std::fs::create_dir_all(&configuration.recording)?;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None)?;
-    let mut listener = listen((link.interface, 0).into(), child.credentials()).await?;
-    let mut reports = vec![BusReport::Listening(listener.address())];
+    let mut listener = listen((child.interface(link.interface), 0).into(), child.credentials()).await?;
+    let address = child.advertised(listener.address(), link.interface).await?;
+    let mut reports = vec![BusReport::Listening(address)];
     loop {
         for report in reports.drain(..) {
             link.reports.send(report).await.map_err(|_| BusError::Orphaned)?;
@@ -113,6 +114,7 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
                 Some(BusCommand::Configure(_)) => {
                     reports.push(BusReport::Incident("configured twice: the second is not heeded".to_owned()));
                 }
+                Some(BusCommand::Heartbeat) => {}
                 None => return Err(BusError::Orphaned),
             },
         }

@@ -13,7 +13,7 @@ use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::keys::{Authority, Identity, RoleKind, Validity};
 use crate::protocol::connection::{BlockingConnection, Fault, Tls};
 use crate::protocol::control::LostAttempt;
-use crate::protocol::hello::{Hello, RunToken};
+use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::topology::Arbiter;
 
@@ -49,7 +49,7 @@ fn credentials(keys: &Keys, kind: RoleKind) -> Credentials {
         let pem = authority.issue(kind, Validity::days(1)).expect("random numbers");
         Tls::new(&Identity { kind, pem }).expect("good keys")
     });
-    Credentials { token: TOKEN, tls }
+    Credentials { tls, ..Credentials::plain(TOKEN) }
 }
 
 impl TestBus {

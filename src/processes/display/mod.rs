@@ -64,12 +64,13 @@ async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayE
         None => return Err(DisplayError::ManagerGone),
     };
     let (state, journal) = restore(link, &configuration, RunId(child.bootstrap.token.run_id())).await?;
-    let listener = Listener::bind(link.interface, child.credentials(), |role, _| match role {
+    let listener = Listener::bind(child.interface(link.interface), child.credentials(), |role, _| match role {
         Role::Node(_) => Ok(()),
         _ => Err("a node".to_owned()),
     })
     .await?;
-    report(link, DisplayReport::Listening(listener.address())).await?;
+    let address = child.advertised(listener.address(), link.interface).await?;
+    report(link, DisplayReport::Listening(address)).await?;
     Shell::new(state, journal).serve(link, listener, configuration).await
 }
 
@@ -148,6 +149,7 @@ impl Shell {
                     Some(DisplayCommand::Configure(_)) => {
                         self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
                     }
+                    Some(DisplayCommand::Heartbeat) => {}
                     None => return Err(DisplayError::ManagerGone),
                 },
                 Some(arrived) = self.arrived.recv() => match arrived {

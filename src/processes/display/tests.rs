@@ -51,12 +51,15 @@ impl Manager {
             epoch: Epoch(0),
             token: TOKEN,
             manager: manager.address(),
-            log: "unused".into(),
+            identity: None,
+            bind: None,
+            advertise: None,
+            log: None,
             heartbeat_milliseconds: 50,
         };
         let display = thread::spawn(|| {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-            runtime.block_on(run(Child { bootstrap }))
+            runtime.block_on(run(Child::new(bootstrap, false).expect("no keys")))
         });
         let (_, connection) = manager.arrival().await.expect("the display");
         let (mut to_display, from_display) = connection.split();
@@ -67,7 +70,7 @@ impl Manager {
     async fn report(&mut self) -> DisplayReport {
         loop {
             match self.from_display.receive_within(SOON).await.expect("whole frames").expect("the display stays") {
-                DisplayReport::Heartbeat => {}
+                DisplayReport::Heartbeat => self.to_display.send(&DisplayCommand::Heartbeat).await.expect("awaited"),
                 report => return report,
             }
         }

@@ -1,78 +1,150 @@
-//! The processes themselves: started with what they must know on standard input, killed, confirmed dead.
+//! The processes themselves, on whichever host: started with what they must know, killed, confirmed dead.
 
 use std::collections::HashMap;
-use std::fs::OpenOptions;
-use std::io;
 use std::net::SocketAddr;
-use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
-use std::process::{ExitStatus, Stdio};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
-use tokio::io::AsyncWriteExt;
-use tokio::process::{Child, Command};
-use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep_until};
+use tokio::sync::{mpsc, watch};
 
+use super::control_port::Connections;
 use super::executables::Executables;
+use super::life::{self, Fate, Link, Order};
+use super::places::Places;
+use super::plan::host_of;
 use super::process::ProcessId;
 use super::state::Event;
-use crate::codec;
+use crate::keys::Identity;
+use crate::processes::control_link::{ORPHAN_GRACE, patience};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
+use crate::topology::{Launch, Placement};
 
 /// Signs of life within a heartbeat's deadline.
-const HEARTBEATS: u32 = 4;
-/// Orders to stop that a process was not given yet.
-const STOPS_MAX: usize = 8;
+pub(super) const HEARTBEATS: u32 = 4;
+/// Orders that a process was not given yet.
+const ORDERS_MAX: usize = 8;
+/// On top of what a process that cannot be seen any more has left to live by its own clock.
+const CONFIRM_MARGIN: Duration = Duration::from_secs(1);
 
-/// Starts and kills; each child has a task of its own that waits for its end and tells it.
+/// Starts and kills; each process has a task of its own that waits for its end and tells it.
 pub(super) struct Children {
     pub(super) executables: Executables,
+    pub(super) placement: Placement,
     pub(super) logs: PathBuf,
     pub(super) token: RunToken,
-    pub(super) heartbeat_deadline: Duration,
+    /// Of the roles that are started from here; empty: plain TCP.
+    pub(super) identities: Vec<Identity>,
+    /// Where processes of other machines reach the manager.
+    pub(super) advertised: SocketAddr,
+    /// Between two signs of life.
+    pub(super) heartbeat: Duration,
+    pub(super) places: Places,
+    pub(super) connections: Connections,
     pub(super) events: mpsc::Sender<Event>,
-    /// How long each is to stop; dropping one kills.
-    pub(super) alive: HashMap<ProcessId, mpsc::Sender<Duration>>,
+    pub(super) alive: HashMap<ProcessId, Life>,
+}
+
+pub(super) struct Life {
+    /// Dropping it kills, too.
+    orders: Option<mpsc::Sender<Order>>,
+    link: watch::Sender<Link>,
 }
 
 impl Children {
-    /// `manager` is where it finds us.
+    /// `manager` is where it finds us, if this host is its own.
     pub(super) fn spawn(&mut self, id: ProcessId, manager: SocketAddr) {
+        let host = host_of(&self.placement, id.role);
         let log = self.logs.join(format!("{}.log", id.log_stem()));
-        let period = (self.heartbeat_deadline / HEARTBEATS).as_millis();
+        let is_local = host.launch == Launch::Local;
         let bootstrap = Bootstrap {
             role: id.role,
             epoch: id.epoch,
             token: self.token,
-            manager,
-            log: log.clone(),
-            heartbeat_milliseconds: u64::try_from(period).unwrap_or(u64::MAX),
+            manager: if is_local { manager } else { self.advertised },
+            identity: self.identities.iter().find(|identity| identity.kind == id.role.kind()).cloned(),
+            bind: host.bind,
+            advertise: host.advertise.clone(),
+            log: is_local.then(|| log.clone()),
+            heartbeat_milliseconds: u64::try_from(self.heartbeat.as_millis()).unwrap_or(u64::MAX),
         };
-        let (alive, stops) = mpsc::channel(STOPS_MAX);
-        self.alive.insert(id, alive);
-        let (executable, events) = (self.executables.path(id), self.events.clone());
+        let (fate, life) = self.fate(id);
+        self.alive.insert(id, life);
+        let events = self.events.clone();
+        if host.launch == Launch::External {
+            // It has come by keys of its own.
+            self.places.offer(id, &host.name, Bootstrap { identity: None, ..bootstrap });
+            // An error means that the manager has ended, here and below.
+            tokio::spawn(async move { drop(events.send(Event::Exited(id, life::watch_joined(fate).await)).await) });
+            return;
+        }
+        let program = self.executables.path(id, host.programs.as_deref());
+        let command = host.command(&program).unwrap_or_else(|| vec![program]);
         tokio::spawn(async move {
-            let how = match live(&executable, &bootstrap, &log, stops).await {
-                Ok(status) => describe(status, &log),
-                Err(error) => format!("could not be started from {}: {error}", executable.display()),
+            let how = match life::start(&command, &bootstrap, &log).await {
+                Ok(child) if is_local => {
+                    let mut fate = fate;
+                    life::watch(child, &mut fate, &log).await
+                }
+                Ok(child) => life::watch_elsewhere(child, fate, &log).await,
+                Err(error) => format!("could not be started by {}: {error}", command.join(" ")),
             };
-            // An error means that the manager has ended.
             let _ = events.send(Event::Exited(id, how)).await;
         });
     }
 
-    /// By SIGKILL; its death is told as any other.
+    fn fate(&self, id: ProcessId) -> (Fate, Life) {
+        let (given, orders) = mpsc::channel(ORDERS_MAX);
+        let (told, link) = watch::channel(Link::Awaited);
+        let (connections, places) = (self.connections.clone(), self.places.clone());
+        let hang_up = Box::new(move || {
+            connections.hang_up(id);
+            places.withdraw(id);
+        });
+        let patience = patience(self.heartbeat) + ORPHAN_GRACE + CONFIRM_MARGIN;
+        (Fate { orders, link, hang_up, patience }, Life { orders: Some(given), link: told })
+    }
+
+    /// The process has dialled.
+    pub(super) fn connected(&self, id: ProcessId) {
+        self.places.withdraw(id);
+        self.tell(id, Link::Open);
+    }
+
+    /// Its control connection has ended.
+    pub(super) fn disconnected(&self, id: ProcessId) {
+        self.tell(id, Link::Closed);
+    }
+
+    fn tell(&self, id: ProcessId, link: Link) {
+        if let Some(life) = self.alive.get(&id) {
+            life.link.send_replace(link);
+        }
+    }
+
+    /// By SIGKILL or, on another machine, by cutting it off; its death is told as any other.
     pub(super) fn kill(&mut self, id: ProcessId) {
-        self.alive.remove(&id);
+        if let Some(life) = self.alive.get_mut(&id) {
+            life.orders = None;
+        }
+    }
+
+    /// [`Self::kill`] for a reason that the state does not know of, as the rest of a sentence that begins with its name.
+    pub(super) fn kill_because(&mut self, id: ProcessId, why: String) {
+        if let Some(orders) = self.alive.get_mut(&id).and_then(|life| life.orders.take()) {
+            // An error means that it has just ended, or dies without the reason.
+            let _ = orders.try_send(Order::Die(why));
+        }
     }
 
     /// Whether it was started and not killed; it may have ended by itself.
     pub(super) fn is_alive(&self, id: ProcessId) -> bool {
-        self.alive.contains_key(&id)
+        self.alive.get(&id).is_some_and(|life| life.orders.is_some())
+    }
+
+    /// Whether the manager started it itself: signals reach it, and relays are within its reach.
+    pub(super) fn is_local(&self, id: ProcessId) -> bool {
+        host_of(&self.placement, id.role).launch == Launch::Local
     }
 
     /// By SIGSTOP; it goes on after so long.
@@ -80,69 +152,13 @@ impl Children {
     /// # Errors
     /// Why not: the process is not one of this host's, or has ended.
     pub(super) fn stop(&self, id: ProcessId, time: Duration) -> Result<(), String> {
-        let alive = self.alive.get(&id).ok_or("it is no process of this host")?;
-        alive.try_send(time).map_err(|_| "it has ended, or stops already".to_owned())
+        let orders = self.alive.get(&id).and_then(|life| life.orders.as_ref());
+        let orders = orders.filter(|_| self.is_local(id)).ok_or("it is no process of this host")?;
+        orders.try_send(Order::Stop(time)).map_err(|_| "it has ended, or stops already".to_owned())
     }
-}
 
-/// From start to end. The child has a process group of its own, so that a Ctrl-C in the terminal reaches the
-/// manager alone.
-async fn live(
-    executable: &Path,
-    bootstrap: &Bootstrap,
-    log: &Path,
-    mut stops: mpsc::Receiver<Duration>,
-) -> io::Result<ExitStatus> {
-    // What is printed before the log is open, or by an abort.
-    let printed = OpenOptions::new().create(true).append(true).open(log)?;
-    let mut child = Command::new(executable)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(printed)
-        .process_group(0)
-        .kill_on_drop(true)
-        .spawn()?;
-    if let Some(mut stdin) = child.stdin.take() {
-        let frame = codec::encode(bootstrap, &[]).map_err(io::Error::other)?;
-        // A child that does not read it has ended; its status says more. The frame fits the pipe's buffer.
-        let _ = stdin.write_all(&frame).await;
-    }
-    let mut goes_on = None;
-    loop {
-        tokio::select! {
-            status = child.wait() => return status,
-            stop = stops.recv() => match stop {
-                Some(time) => {
-                    signal(&child, Signal::SIGSTOP)?;
-                    goes_on = goes_on.max(Some(Instant::now() + time));
-                }
-                None => break,
-            },
-            () = sleep_until(goes_on.unwrap_or_else(Instant::now)), if goes_on.is_some() => {
-                signal(&child, Signal::SIGCONT)?;
-                goes_on = None;
-            }
-        }
-    }
-    child.start_kill()?;
-    child.wait().await
-}
-
-/// Its number is still its own: nobody has waited for it.
-fn signal(child: &Child, signal: Signal) -> io::Result<()> {
-    let pid = child.id().and_then(|pid| i32::try_from(pid).ok());
-    pid.map_or(Ok(()), |pid| Ok(kill(Pid::from_raw(pid), signal)?))
-}
-
-/// The rest of a sentence that begins with the process's name.
-fn describe(status: ExitStatus, log: &Path) -> String {
-    if let Some(signal) = status.signal() {
-        let name = Signal::try_from(signal).map_or("unknown", Signal::as_str);
-        return format!("died of signal {signal} ({name})");
-    }
-    match status.code() {
-        Some(0) => "ended by itself".to_owned(),
-        Some(code) => format!("ended with exit code {code}, see {}", log.display()),
-        None => "ended".to_owned(),
+    /// Its death is told.
+    pub(super) fn bury(&mut self, id: ProcessId) {
+        self.alive.remove(&id);
     }
 }

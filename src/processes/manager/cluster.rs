@@ -190,8 +190,8 @@ impl State {
         self.end_without_nodes();
     }
 
-    /// A node's process is dead.
-    pub(super) fn node_exited(&mut self, node: NodeId, epoch: Epoch, how: String, was_expected: bool) {
+    /// A node's process is dead; `left`: as it was asked to.
+    pub(super) fn node_exited(&mut self, (node, epoch): (NodeId, Epoch), how: String, was_expected: bool, left: bool) {
         let id = self.plan.cluster.of(node);
         if self.cluster(id).falling {
             return self.rise(id);
@@ -201,17 +201,17 @@ impl State {
             self.ledger.incident(self.now, how);
         }
         if matches!(self.phase, Phase::Running) {
-            self.replace(node);
+            self.replace(node, !left);
         }
     }
 
     /// Another process takes a node's place, unless too many have failed there in a row.
-    fn replace(&mut self, node: NodeId) {
+    fn replace(&mut self, node: NodeId, failed: bool) {
         let Some(place) = self.places.get_mut(usize::from(node.0)) else { return };
         if place.set_aside {
             return;
         }
-        place.failures += 1;
+        place.failures += u32::from(failed);
         if place.failures < FAILURES_MAX {
             place.epoch.0 += 1;
             let epoch = place.epoch;

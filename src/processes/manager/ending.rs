@@ -60,7 +60,7 @@ impl State {
         let nodes: Vec<_> = self.table.nodes().map(|node| (node.id, node.stage)).collect();
         for (id, stage) in nodes {
             match stage {
-                Stage::Serving | Stage::Working if gently => self.tell_to_finish(id),
+                Stage::Connected | Stage::Serving | Stage::Working if gently => self.tell_to_finish(id),
                 _ => self.dismiss(id),
             }
         }

@@ -33,8 +33,10 @@ impl Executables {
         if missing.is_empty() { Ok(executables) } else { Err(MissingExecutable { missing, folder: folder.to_owned() }) }
     }
 
-    pub(super) fn path(&self, process: ProcessId) -> PathBuf {
-        self.folder.join(file_name(process.program()))
+    /// The path of its program, in that folder if one is named; for a launcher, which takes text.
+    pub(super) fn path(&self, process: ProcessId, folder: Option<&str>) -> String {
+        let folder = folder.map_or(self.folder.as_path(), Path::new);
+        folder.join(file_name(process.program())).to_string_lossy().into_owned()
     }
 }
 

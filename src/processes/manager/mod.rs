@@ -13,11 +13,14 @@ mod ending;
 mod executables;
 mod job_queue;
 mod ledger;
+mod life;
 mod metrics;
 mod output_folder;
+mod places;
 mod plan;
 pub(in crate::processes) mod process;
 mod process_table;
+mod reach;
 mod recorded;
 pub(in crate::processes) mod rehearsal;
 mod sample;
@@ -27,6 +30,8 @@ mod verification;
 
 #[cfg(test)]
 mod state_tests;
+#[cfg(test)]
+mod verification_tests;
 
 use std::fmt;
 use std::io;
@@ -46,12 +51,13 @@ use super::health::HealthError;
 use super::token;
 use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
+use crate::keys::{Identity, KeysError, RoleKind};
 use crate::preparation::{PreparationError, Prepared, prepare_topology};
-use crate::protocol::connection::Credentials;
+use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::{MemorySize, Topology};
+use crate::topology::{MemorySize, Placement, Topology};
 use crate::tracer::{AovSet, Tiling};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -69,6 +75,12 @@ pub struct RunRequest {
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
     pub record_references: bool,
+    /// Where the manager listens, instead of where the topology says.
+    pub listen: Option<SocketAddr>,
+    /// The folder of the cluster's keys: everything is said by TLS.
+    pub keys: Option<PathBuf>,
+    /// Whether addresses at which other machines can knock are used without TLS.
+    pub insecure: bool,
     /// Faults on purpose.
     pub chaos: Option<chaos::Schedule>,
     /// Where to tell health and metrics; of this host alone.
@@ -116,6 +128,16 @@ pub enum RunError {
     Preparation(#[from] PreparationError),
     #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
     NothingToRecord,
+    #[error(
+        "references cannot be recorded by nodes on {host}, which does not see the output folder: expected host.shared_files = true"
+    )]
+    NoSharedFiles { host: String },
+    #[error(
+        "{address} is an address that other machines can reach: expected --keys DIR (`marti keys new DIR` makes them), or --insecure in a network that you trust"
+    )]
+    NoKeys { address: String },
+    #[error(transparent)]
+    Keys(#[from] KeysError),
     #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
     TooManyTiles { tiles: u64 },
     #[error("cluster.local_memory: {0}")]
@@ -148,6 +170,9 @@ impl RunError {
         match self {
             Self::Preparation(_)
             | Self::NothingToRecord
+            | Self::NoSharedFiles { .. }
+            | Self::NoKeys { .. }
+            | Self::Keys(_)
             | Self::TooManyTiles { .. }
             | Self::LocalMemory(_)
             | Self::Chaos(_) => true,
@@ -174,6 +199,21 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
     }
+    let placement = topology.placement();
+    if request.record_references
+        && let Some(host) = placement.nodes_without_files()
+    {
+        return Err(RunError::NoSharedFiles { host: host.name.clone() });
+    }
+    let first = placement.of_manager();
+    let listen = request.listen.unwrap_or((first.interface(), first.port).into());
+    let warning = match open_address(listen, &placement).filter(|_| request.keys.is_none()) {
+        Some(address) if !request.insecure => return Err(RunError::NoKeys { address }),
+        open => {
+            open.map(|address| format!("{address} is used without keys: who can reach it can read all that is said"))
+        }
+    };
+    let Keys { tls, identities } = request.keys.as_deref().map(Keys::read).transpose()?.unwrap_or_default();
     let faults = faults(&request)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
@@ -193,13 +233,14 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
 
     let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
     let folder = prepare(out, topology).map_err(RunError::Output)?;
-    match telemetry::start(&folder.log("manager")) {
+    match telemetry::start(Some(&folder.log("manager"))) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
         started => started?,
     }
     let plan = Plan {
         cluster: topology.cluster,
+        placement,
         octree: topology.octree,
         run: topology.run,
         header: database.header.clone(),
@@ -214,11 +255,19 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         image: folder.image(),
         recording: folder.recording(),
     };
+    let secret = secret()?;
+    let joiners_token = (plan.placement.has_joiners() && request.keys.is_none()).then(|| folder.join_token());
+    if let Some(path) = &joiners_token {
+        token::write(path, secret).map_err(RunError::Output)?;
+    }
     let run = shell::Run {
         start,
         executables,
         logs: folder.logs(),
-        credentials: Credentials::plain(secret()?),
+        credentials: Credentials { tls, joiners: plan.placement.has_joiners(), ..Credentials::plain(secret) },
+        identities,
+        warning,
+        listen,
         words: Arc::clone(&database.words),
         health: request.health,
         quiet: request.quiet,
@@ -230,7 +279,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
-    let (state, chaos) = runtime.block_on(run.finish(plan))?;
+    let finished = runtime.block_on(run.finish(plan));
+    if let Some(path) = joiners_token {
+        // Nobody can use it any more.
+        let _ = std::fs::remove_file(path);
+    }
+    let (state, chaos) = finished?;
     // Whatever still lives is killed with its task.
     drop(runtime);
 
@@ -270,6 +324,29 @@ fn fingerprint(prepared: &Prepared) -> [u8; 32] {
     hash.update(prepared.database.database().bytes());
     hash.update(format!("{:?}", prepared.view));
     hash.finalize().into()
+}
+
+/// What the manager and the processes that it starts prove themselves with.
+#[derive(Default)]
+struct Keys {
+    tls: Option<Tls>,
+    identities: Vec<Identity>,
+}
+
+impl Keys {
+    fn read(folder: &Path) -> Result<Self, KeysError> {
+        let identities = RoleKind::ALL.into_iter().filter(|&kind| kind != RoleKind::Manager);
+        Ok(Self {
+            tls: Some(Tls::new(&Identity::read(folder, RoleKind::Manager)?)?),
+            identities: identities.map(|kind| Identity::read(folder, kind)).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// What other machines could knock at, if anything.
+fn open_address(listen: SocketAddr, placement: &Placement) -> Option<String> {
+    let first = (!listen.ip().is_loopback()).then(|| listen.ip().to_string());
+    first.or_else(|| placement.open_address())
 }
 
 fn secret() -> Result<RunToken, RunError> {

@@ -83,6 +83,11 @@ impl OutputFolder {
         self.root.join("report.json")
     }
 
+    /// What a process needs to join without keys: the run's token, for its owner alone.
+    pub(super) fn join_token(&self) -> PathBuf {
+        self.root.join("join.token")
+    }
+
     pub(super) fn recording(&self) -> PathBuf {
         self.root.join("recording")
     }
@@ -105,7 +110,7 @@ fn is_ours_in_root(name: &str) -> bool {
     let name = name.strip_suffix(".part").unwrap_or(name);
     let image = ["png", "t.npy", "n.npy", "prim.npy", "exr"];
     let is_image = name.strip_prefix("image.").is_some_and(|extension| image.contains(&extension));
-    is_image || ["report.json", "tiles", TOPOLOGY_NAME].contains(&name)
+    is_image || ["report.json", "tiles", "join.token", TOPOLOGY_NAME].contains(&name)
 }
 
 fn remove(folder: &Path, is_ours: fn(&str) -> bool) -> io::Result<()> {

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::database::Header;
 use crate::ids::{ClusterId, Epoch};
@@ -9,13 +10,15 @@ use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
 };
+use crate::protocol::hello::Role;
 use crate::recording::bus_log;
-use crate::topology::{Cluster, Octree, Run};
+use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
 use crate::tracer::{AovSet, Tiling, View};
 
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) cluster: Cluster,
+    pub(super) placement: Placement,
     pub(super) octree: Octree,
     pub(super) run: Run,
     pub(super) header: Header,
@@ -44,7 +47,25 @@ pub(super) struct Addresses {
     pub(super) display: SocketAddr,
 }
 
+/// The host of a process.
+pub(super) fn host_of(placement: &Placement, role: Role) -> &Host {
+    match role {
+        Role::Manager => placement.of_manager(),
+        Role::Bus(cluster) | Role::Master(cluster) => placement.of_cluster(cluster),
+        Role::Node(node) => placement.of_node(node),
+        Role::Display => placement.of_display(),
+    }
+}
+
 impl Plan {
+    /// How long a process may take from its start to its connection: longer where somebody else starts it.
+    pub(super) fn connect_deadline(&self, role: Role) -> Duration {
+        match host_of(&self.placement, role).launch {
+            Launch::External => self.run.deadlines.join,
+            Launch::Local | Launch::Command(_) => self.run.deadlines.startup,
+        }
+    }
+
     pub(super) fn configure_bus(&self, cluster: ClusterId, epoch: Epoch) -> BusCommand {
         BusCommand::Configure(BusConfiguration {
             cluster,

@@ -98,13 +98,26 @@ pub(super) struct Process {
     pub(super) last_sign: Duration,
     /// When its control connection ended.
     pub(super) hung_up: Option<Duration>,
+    /// From its start to its connection, where that is not the usual time.
+    pub(super) connect_deadline: Option<Duration>,
+    /// It has said that it goes, and why is nobody's fault.
+    pub(super) leaving: bool,
     /// Why it was killed, as the rest of a sentence that begins with its name.
     pub(super) doom: Option<String>,
 }
 
 impl Process {
     pub(super) fn spawned(id: ProcessId, now: Duration) -> Self {
-        Self { id, stage: Stage::Spawned, since: now, last_sign: now, hung_up: None, doom: None }
+        Self {
+            id,
+            stage: Stage::Spawned,
+            since: now,
+            last_sign: now,
+            hung_up: None,
+            connect_deadline: None,
+            leaving: false,
+            doom: None,
+        }
     }
 
     pub(super) fn enter(&mut self, stage: Stage, now: Duration) {

@@ -48,12 +48,14 @@ fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<St
     if let Some(hung_up) = process.hung_up {
         return late(hung_up, EXIT_DEADLINE).then(|| "closed its control connection and did not end".to_owned());
     }
+    let connect = process.connect_deadline.unwrap_or(deadlines.startup);
     match process.stage {
-        Stage::Spawned if late(process.since, deadlines.startup) => {
-            return Some(format!("did not connect within {}", seconds(deadlines.startup)));
+        Stage::Spawned if late(process.since, connect) => {
+            return Some(format!("did not connect within {}", seconds(connect)));
         }
-        Stage::Connected if is_server && late(process.since, deadlines.startup) => {
-            return Some(format!("did not listen within {}", seconds(deadlines.startup)));
+        // A master waits for its bus, which may have to join.
+        Stage::Connected if is_server && late(process.since, connect) => {
+            return Some(format!("did not listen within {}", seconds(connect)));
         }
         // One that was handed a tile is the master's to judge.
         Stage::Serving if !is_server && late(process.since, deadlines.tile) => {

@@ -8,7 +8,8 @@ use super::plan::Plan;
 use crate::database::{Header, Layout, Normalisation, Section};
 use crate::scene::Camera;
 use crate::topology::{
-    Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Processor, Replacement, Run, TileOrder,
+    Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Placement, Processor, Replacement, Run,
+    TileOrder,
 };
 use crate::tracer::view::ImageSettings;
 use crate::tracer::{AovSet, Tiling, View};
@@ -18,6 +19,7 @@ pub(super) fn run() -> Run {
         startup: Duration::from_secs(10),
         heartbeat: Duration::from_secs(5),
         tile: Duration::from_secs(60),
+        join: Duration::from_secs(600),
     };
     Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, verify: 0.0, deadlines }
 }
@@ -28,8 +30,10 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
     let camera = Camera { from: DVec3::ZERO, at: DVec3::Z, up: DVec3::Y, angle_degrees: 45.0, resolution: None };
     let image = ImageSettings { width: tiles, height: 1, depth: 4, cutoff: 0.0 };
     let layout = Layout::new([8; Section::COUNT]).expect("small");
+    let cluster = Cluster { count: 1, nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT };
     Plan {
-        cluster: Cluster { count: 1, nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT },
+        placement: Placement::new(&[], &cluster),
+        cluster,
         octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
         run: run(),
         header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },

@@ -1,6 +1,7 @@
 //! Turns what happens into events for the state, and does what it answers.
 
 use std::collections::HashMap;
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,17 +11,19 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::children::Children;
+use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::executables::Executables;
 use super::metrics;
 use super::plan::Plan;
 use super::process::ProcessId;
+use super::reach;
 use super::state::{Action, Event, State};
 use super::{Interrupt, RunError};
 use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
+use crate::keys::Identity;
 use crate::processes::health;
 use crate::processes::loader::Loader;
 use crate::progress::{Progress, Status};
@@ -40,8 +43,13 @@ pub(super) struct Run {
     /// The folder of the logs.
     pub(super) logs: PathBuf,
     pub(super) credentials: Credentials,
+    pub(super) identities: Vec<Identity>,
+    /// Said loudly, and in the report.
+    pub(super) warning: Option<String>,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
+    /// Where the manager listens.
+    pub(super) listen: SocketAddr,
     /// No progress.
     pub(super) quiet: bool,
     pub(super) health: Option<SocketAddr>,
@@ -82,15 +90,25 @@ impl Run {
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
-        let port = ControlPort::bind(self.credentials.clone(), sender.clone())
-            .await
-            .map_err(|error| system("free port", error))?;
+        let heartbeat = plan.run.deadlines.heartbeat / HEARTBEATS;
+        let port =
+            ControlPort::bind(self.listen, self.credentials.clone(), &plan.placement, heartbeat, sender.clone()).await;
+        let port = port.map_err(|error| system("port", io::Error::other(format!("{}: {error}", self.listen))))?;
+        let first = plan.placement.of_manager();
+        let advertised = reach::advertised(first, port.address()).await.map_err(|error| system("address", error))?;
+        if plan.placement.has_joiners() {
+            reach::say(advertised, self.quiet);
+        }
         let health = match self.health {
             Some(address) => Some(health::serve(address).await?),
             None => None,
         };
-        let mut shell = Shell::new(&self, &plan, port, sender);
+        let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
         let (mut state, actions) = State::start(plan);
+        if let Some(warning) = &self.warning {
+            reach::warn(warning);
+            state.ledger.incident(Duration::ZERO, warning.clone());
+        }
         let mut progress = Progress::new(self.quiet, state.queue.total());
         shell.act(actions);
         let mut tick = interval(TICK);
@@ -112,11 +130,13 @@ impl Run {
             if !matches!(event, Event::Report(..) | Event::Tick) {
                 tracing::info!("{event:?}");
             }
+            shell.note(&event);
             shell.disturbance.observe(&event);
             let actions = state.handle(shell.start.elapsed(), event);
             shell.act(actions);
             shell.disturb(&mut state);
         }
+        shell.port.places().close().await;
         progress.finish(&status(&state));
         let chaos = shell.disturbance.close().map(|(chaos, missed)| {
             missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
@@ -131,19 +151,31 @@ async fn arrived(signal: &mut Signal) -> Option<()> {
 }
 
 impl Shell {
-    fn new(run: &Run, plan: &Plan, port: ControlPort, events: mpsc::Sender<Event>) -> Self {
+    fn new(
+        run: &Run,
+        plan: &Plan,
+        heartbeat: Duration,
+        port: ControlPort,
+        advertised: SocketAddr,
+        events: mpsc::Sender<Event>,
+    ) -> Self {
         let deadlines = plan.run.deadlines;
         let children = Children {
             executables: run.executables.clone(),
             logs: run.logs.clone(),
             token: run.credentials.token,
-            heartbeat_deadline: deadlines.heartbeat,
+            identities: run.identities.clone(),
+            placement: plan.placement.clone(),
+            advertised,
+            heartbeat,
+            places: port.places(),
+            connections: port.connections(),
             events: events.clone(),
             alive: HashMap::new(),
         };
         Self {
             start: run.start,
-            disturbance: Disturbance::new(run.faults.clone(), port.address().ip()),
+            disturbance: Disturbance::new(run.faults.clone(), reach::from_here(port.address()).ip()),
             port,
             children,
             events,
@@ -159,12 +191,17 @@ impl Shell {
                 Action::Spawn(id) => {
                     tracing::info!("{id} is started");
                     self.port.expect(id);
-                    let manager = self.disturbance.route(id.role, Role::Manager, self.port.address());
+                    let manager = self.disturbance.route(id.role, Role::Manager, reach::from_here(self.port.address()));
                     self.children.spawn(id, manager);
                 }
                 Action::Tell(id, mut command) => {
-                    self.disturbance.reroute(id, &mut command);
-                    if !self.port.tell(id, command) {
+                    if self.children.is_local(id) {
+                        self.disturbance.reroute(id, &mut command);
+                    }
+                    let origin = self.port.origin(id);
+                    if let Some(why) = origin.and_then(|origin| reach::unreachable(origin, &command)) {
+                        self.children.kill_because(id, why);
+                    } else if !self.port.tell(id, command) {
                         tracing::error!("{id} does not read what it is told, and is killed");
                         self.children.kill(id);
                     }
@@ -179,6 +216,16 @@ impl Shell {
         }
     }
 
+    /// What the children must know of an event, before the state does.
+    fn note(&mut self, event: &Event) {
+        match event {
+            Event::Connected(id) => self.children.connected(*id),
+            Event::Disconnected(id, _) => self.children.disconnected(*id),
+            Event::Exited(id, _) => self.children.bury(*id),
+            _ => {}
+        }
+    }
+
     /// The faults that are due.
     fn disturb(&mut self, state: &mut State) {
         let Status { tiles_done, tiles, elapsed, .. } = status(state);
@@ -190,11 +237,16 @@ impl Shell {
 
     fn upload(&mut self, bus: ProcessId, address: SocketAddr) {
         let Role::Bus(cluster) = bus.role else { return };
+        let refused = self.port.origin(bus).and_then(|origin| reach::tells_its_own(origin, address));
         let (events, deadline) = (self.events.clone(), self.upload_deadline);
         let (words, credentials) = (Arc::clone(&self.words), self.credentials.clone());
         tokio::spawn(async move {
             let image = bytemuck::cast_slice(&words);
-            let event = match upload(cluster, address, &credentials, image, deadline).await {
+            let loaded = match refused {
+                Some(why) => Err(why),
+                None => upload(cluster, address, &credentials, image, deadline).await,
+            };
+            let event = match loaded {
                 Ok(()) => Event::Uploaded(bus),
                 Err(why) => Event::UploadFailed(bus, why),
             };

@@ -179,6 +179,11 @@ impl State {
         match report {
             NodeReport::Heartbeat | NodeReport::Incident(_) => {}
             NodeReport::Failed(why) => self.doom(id, format!("failed: {why}")),
+            NodeReport::Leaving => {
+                if let Some(process) = self.table.get_mut(id) {
+                    process.leaving = true;
+                }
+            }
             NodeReport::Packets(packets) => self.ledger.packets = Some(packets),
             NodeReport::Finished => self.enter(id, Stage::Finished),
         }
@@ -287,9 +292,10 @@ impl State {
         let Some(process) = self.table.remove(id) else { return };
         self.actions.push(Action::HangUp(id));
         let was_expected = process.stage == Stage::Finished;
-        let how = format!("{id} {}", process.doom.unwrap_or(how));
+        let how = if process.leaving { "left, as it was asked to".to_owned() } else { process.doom.unwrap_or(how) };
+        let how = format!("{id} {how}");
         match id.role {
-            Role::Node(node) => self.node_exited(node, id.epoch, how, was_expected),
+            Role::Node(node) => self.node_exited((node, id.epoch), how, was_expected, process.leaving),
             Role::Bus(cluster) | Role::Master(cluster) => self.server_exited(cluster, how, was_expected),
             Role::Display => self.display_exited(how, was_expected),
             Role::Manager => {}
@@ -357,7 +363,8 @@ impl State {
     }
 
     pub(super) fn spawn(&mut self, id: ProcessId) {
-        self.table.insert(Process::spawned(id, self.now));
+        let connect_deadline = Some(self.plan.connect_deadline(id.role));
+        self.table.insert(Process { connect_deadline, ..Process::spawned(id, self.now) });
         self.actions.push(Action::Spawn(id));
     }
 

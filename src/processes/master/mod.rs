@@ -59,13 +59,14 @@ pub async fn run(child: Child) -> Result<(), MasterError> {
     };
     let Role::Master(cluster) = child.bootstrap.role else { return Err(MasterError::NotConfigured) };
     let (NodeId(first), nodes) = (configuration.first_node, configuration.nodes);
-    let listener = Listener::bind(link.interface, child.credentials(), move |role, _| match role {
+    let listener = Listener::bind(child.interface(link.interface), child.credentials(), move |role, _| match role {
         Role::Node(node) if (first..first + nodes).contains(&node.0) => Ok(()),
         _ => Err(format!("one of nodes {first} to {}", first + nodes - 1)),
     })
     .await?;
     let bus = connect(Role::Bus(cluster), configuration.bus, &child.introduction(), BUS_DEADLINE).await?;
-    report(&link, MasterReport::Listening(listener.address())).await?;
+    let address = child.advertised(listener.address(), link.interface).await?;
+    report(&link, MasterReport::Listening(address)).await?;
     let totals = Shell::new(&configuration, bus).serve(&mut link, listener).await?;
     // The connection to the bus is closed: all modelled messages have left before they are asked for.
     report(&link, MasterReport::Finished(totals)).await?;

@@ -101,6 +101,7 @@ impl State {
 
     fn obey(&mut self, command: MasterCommand) {
         match command {
+            MasterCommand::Heartbeat => {}
             MasterCommand::Configure(_) => self.incident("configured twice; the first one counts".to_owned()),
             MasterCommand::Tiles(grants) => {
                 self.asked = self.asked.saturating_sub(grants.len() as u32);

@@ -12,6 +12,7 @@ pub mod whole_database;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
 
@@ -23,7 +24,7 @@ use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::StartError;
 use super::{Child, ControlLink};
-use crate::ids::{ClusterId, NodeId};
+use crate::ids::ClusterId;
 use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::Role;
@@ -33,6 +34,9 @@ use crate::protocol::work::{WorkReply, WorkRequest};
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
 /// For the display to acknowledge a tile; for a new one to be there, when the last is not.
 const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
+
+/// From being asked to go until it goes, whatever it holds: its tiles are done by others then.
+const LEAVE_DEADLINE: Duration = Duration::from_secs(25);
 
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
@@ -58,18 +62,18 @@ pub enum NodeError {
     Orphaned,
 }
 
-/// From standard input to the end of the process.
+/// Works until the manager says that it is over, or SIGTERM that it is to go.
 ///
 /// # Errors
 /// Anything that keeps this node from going on; the manager was told.
-pub fn run() -> Result<(), NodeError> {
-    let child = Child::start("marti-node", Role::Node(NodeId(0)))?;
+pub fn run(child: &Child) -> Result<(), NodeError> {
     let mut link = child.control(NodeReport::Heartbeat)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let outcome = runtime.block_on(async {
-        let outcome = work(&child, &mut link).await;
+        let outcome = work(child, &mut link).await;
         let report = match &outcome {
-            Ok(()) => NodeReport::Finished,
+            Ok(End::Finished) => NodeReport::Finished,
+            Ok(End::Left) => NodeReport::Leaving,
             Err(error) => NodeReport::Failed(error.to_string()),
         };
         // An error means that the manager is gone: the log has the outcome.
@@ -80,27 +84,41 @@ pub fn run() -> Result<(), NodeError> {
         tracing::error!("{error}");
     }
     link.close();
-    outcome
+    outcome.map(drop)
 }
 
-/// Until the manager says that it is over.
-async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<(), NodeError> {
+/// How a node's work ends well.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum End {
+    Finished,
+    /// It was asked to go, and holds no tile any more.
+    Left,
+}
+
+/// Until the manager says that it is over, or a signal that this node is to go.
+async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) -> Result<End, NodeError> {
+    let mut terminate = signal(SignalKind::terminate())?;
     let configuration = loop {
-        match link.commands.recv().await {
-            Some(NodeCommand::Configure(configuration)) => break *configuration,
-            // The configuration will say which display there is.
-            Some(NodeCommand::Display(_)) => {}
-            // Only a node that works can err.
-            Some(NodeCommand::Corrupt) => {}
-            Some(NodeCommand::Finish) => return Ok(()),
-            None => return Err(NodeError::Orphaned),
+        tokio::select! {
+            command = link.commands.recv() => match command {
+                Some(NodeCommand::Configure(configuration)) => break *configuration,
+                // The configuration will say which display there is.
+                Some(NodeCommand::Heartbeat | NodeCommand::Display(_)) => {}
+                // Only a node that works can err.
+                Some(NodeCommand::Corrupt) => {}
+                Some(NodeCommand::Finish) => return Ok(End::Finished),
+                None => return Err(NodeError::Orphaned),
+            },
+            _ = terminate.recv() => return Ok(End::Left),
         }
     };
     let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
+    let mut leave_by = None;
     loop {
         let event = tokio::select! {
             command = link.commands.recv() => match command {
-                Some(NodeCommand::Finish) => return Ok(()),
+                Some(NodeCommand::Finish) => return Ok(End::Finished),
+                Some(NodeCommand::Heartbeat) => continue,
                 Some(NodeCommand::Display(address)) => Event::NewDisplay(address),
                 Some(NodeCommand::Corrupt) => {
                     shell.corruption = Some(Corruption::of(child.bootstrap.role));
@@ -113,8 +131,24 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
                 None => return Err(NodeError::Orphaned),
             },
             event = shell.event() => event?,
+            _ = terminate.recv() => {
+                leave_by.get_or_insert_with(|| Instant::now() + LEAVE_DEADLINE);
+                Event::Leave
+            }
+            () = passed(leave_by) => return Ok(End::Left),
         };
         shell.handle(event).await?;
+        if shell.state.has_left() {
+            return Ok(End::Left);
+        }
+    }
+}
+
+/// Never where there is no such time.
+async fn passed(time: Option<Instant>) {
+    match time {
+        Some(time) => sleep_until(time).await,
+        None => std::future::pending().await,
     }
 }
 

@@ -56,6 +56,8 @@ pub enum Event {
     DisplayLost,
     /// The manager's: there is a new display.
     NewDisplay(SocketAddr),
+    /// This node is to go: it brings what it holds to its end, and takes nothing more.
+    Leave,
 }
 
 #[derive(Clone, PartialEq, Debug)]
@@ -94,6 +96,9 @@ pub enum Violation {
 pub struct State {
     tiling: Tiling,
     asked: usize,
+    /// With the tracer.
+    tracing: usize,
+    leaving: bool,
     /// The display's.
     address: SocketAddr,
     /// Whether a connection to the display is there.
@@ -105,7 +110,7 @@ pub struct State {
 impl State {
     /// The display is to be dialled.
     pub fn new(tiling: Tiling, display: SocketAddr) -> Self {
-        Self { tiling, asked: 0, address: display, reached: false, traced: Vec::new() }
+        Self { tiling, asked: 0, tracing: 0, leaving: false, address: display, reached: false, traced: Vec::new() }
     }
 
     /// Whether the display owes something: its presence, or an acknowledgement.
@@ -113,10 +118,21 @@ impl State {
         !self.reached || !self.traced.is_empty()
     }
 
+    /// Whether it was told to go, and holds nothing any more.
+    pub fn has_left(&self) -> bool {
+        self.leaving && self.tracing == 0 && self.traced.is_empty()
+    }
+
     /// # Errors
     /// The event cannot be: the process that caused it is at fault, and this one must not go on.
     pub fn handle(&mut self, event: Event) -> Result<Vec<Action>, Violation> {
         match event {
+            Event::Leave => {
+                self.leaving = true;
+                Ok(Vec::new())
+            }
+            // It asks for nothing any more.
+            Event::TracerReady(_) if self.leaving => Ok(Vec::new()),
             Event::TracerReady(packets) => {
                 self.asked = JOBS_PER_NODE;
                 let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
@@ -126,9 +142,15 @@ impl State {
                 let tiles = self.tiling.tile_count();
                 let rect = self.tiling.rect(tile).ok_or(Violation::NoSuchTile { tile, tiles })?;
                 self.asked = self.asked.checked_sub(1).ok_or(Violation::Unasked { tile })?;
+                if self.leaving {
+                    // Somebody else gets it when this process has ended.
+                    return Ok(Vec::new());
+                }
+                self.tracing += 1;
                 Ok(vec![Action::Trace(Job { tile, attempt, rect })])
             }
             Event::Traced(traced) => {
+                self.tracing = self.tracing.saturating_sub(1);
                 let send = self.reached.then(|| traced.send());
                 self.traced.push(traced);
                 Ok(send.into_iter().collect())
@@ -137,6 +159,9 @@ impl State {
                 let is_it = |traced: &Traced| (traced.done.tile, traced.done.attempt) == (tile, attempt);
                 let traced = self.traced.iter().position(is_it).filter(|_| self.reached);
                 let Traced { done, .. } = self.traced.remove(traced.ok_or(Violation::NotSent { tile, attempt })?);
+                if self.leaving {
+                    return Ok(vec![Action::TellDone(done)]);
+                }
                 self.asked += 1;
                 Ok(vec![Action::TellDone(done), Action::AskForTile])
             }
@@ -267,6 +292,19 @@ mod tests {
                 asked += actions.iter().filter(|action| **action == Action::AskForTile).count();
             }
         }
+    }
+
+    #[test]
+    fn a_node_that_goes_brings_its_tiles_to_their_end_and_takes_no_more() {
+        let mut state = ready();
+        state.handle(job(0)).expect("asked for");
+        assert_eq!(state.handle(Event::Leave), Ok(Vec::new()));
+        assert_eq!(state.handle(job(1)), Ok(Vec::new()), "it comes too late");
+        assert!(!state.has_left());
+        state.handle(traced(0)).expect("held");
+        assert!(!state.has_left());
+        assert_eq!(state.handle(acknowledged(0)), Ok(vec![Action::TellDone(done(0))]));
+        assert!(state.has_left());
     }
 
     #[test]

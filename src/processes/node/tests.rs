@@ -174,14 +174,17 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
         epoch: Epoch(0),
         token: TOKEN,
         manager: manager.address(),
-        log: "unused".into(),
+        identity: None,
+        bind: None,
+        advertise: None,
+        log: None,
         heartbeat_milliseconds: 50,
     };
     let node = thread::spawn(|| {
-        let child = Child { bootstrap };
+        let child = Child::new(bootstrap, false).expect("no keys");
         let mut link = child.control(NodeReport::Heartbeat).expect("welcome");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        let outcome = runtime.block_on(work(&child, &mut link));
+        let outcome = runtime.block_on(work(&child, &mut link)).map(drop);
         link.close();
         outcome
     });
@@ -191,6 +194,7 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
     let (commands, mut awaited) = mpsc::channel(4);
     tokio::spawn(async move {
         while let Ok(Some(NodeReport::Heartbeat | NodeReport::Packets(_))) = from_node.receive().await {
+            to_node.send(&NodeCommand::Heartbeat).await.expect("awaited");
             while let Ok(command) = awaited.try_recv() {
                 to_node.send(&command).await.expect("awaited");
             }

@@ -46,6 +46,7 @@ impl Bus {
 
     fn obey(&mut self, network: &mut Network, command: BusCommand) {
         match command {
+            BusCommand::Heartbeat => {}
             BusCommand::Configure(_) => {
                 let address = Network::address(self.child.me);
                 self.child.report(network, Report::Bus(BusReport::Listening(address)));

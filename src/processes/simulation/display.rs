@@ -93,6 +93,7 @@ impl Display {
 
     fn obey(&mut self, network: &mut Network, journal: &mut Journal, command: DisplayCommand) {
         match command {
+            DisplayCommand::Heartbeat => {}
             DisplayCommand::Configure(configuration) => self.configure(network, journal, &configuration),
             DisplayCommand::Revoke(revocations) => self.handle(network, journal, Event::Revoke(revocations)),
             DisplayCommand::Finish => {

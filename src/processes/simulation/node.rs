@@ -132,7 +132,7 @@ impl Node {
                 self.end(network, WELL);
             }
             // The configuration will say which display there is.
-            (NodeCommand::Display(_), None, _) | (NodeCommand::Configure(_), ..) => {}
+            (NodeCommand::Display(_), None, _) | (NodeCommand::Configure(_) | NodeCommand::Heartbeat, ..) => {}
             (NodeCommand::Display(address), _, true) => self.handle(network, Event::NewDisplay(address)),
             (NodeCommand::Corrupt, ..) => self.corrupt = true,
             (command, Some(_), false) => self.early.push_back(command),

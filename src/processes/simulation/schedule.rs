@@ -54,6 +54,7 @@ impl Schedule {
             verify: *dice.choose(&[0.0, 0.1]),
             deadlines: Deadlines {
                 startup: Duration::from_secs(10),
+                join: Duration::from_secs(600),
                 heartbeat: Duration::from_secs(*dice.choose(&[1, 2, 5])),
                 tile: Duration::from_secs(*dice.choose(&[20, 60])),
             },

@@ -10,12 +10,14 @@ pub struct Credentials {
     pub token: RunToken,
     /// `None`: plain TCP.
     pub tls: Option<Tls>,
+    /// Whether a process that asks for a place may come by its certificate alone: it does not know the token yet.
+    pub joiners: bool,
 }
 
 impl Credentials {
     /// The token alone, for the loopback interface.
     pub fn plain(token: RunToken) -> Self {
-        Self { token, tls: None }
+        Self { token, tls: None, joiners: false }
     }
 
     /// How a process with these credentials introduces itself to another one.

@@ -15,7 +15,7 @@ use super::{Connection, ConnectionError, Credentials, Fault, Introduction, write
 use crate::codec::{self, CodecError, Message};
 use crate::ids::Epoch;
 use crate::keys::RoleKind;
-use crate::protocol::hello::{Hello, HelloPrelude, HelloReply, MAGIC, PROTOCOL_VERSION, Role, RunToken};
+use crate::protocol::hello::{Hello, HelloPrelude, HelloReply, MAGIC, PROTOCOL_VERSION, Role};
 
 /// From accepting a connection until its hello is whole.
 pub const HELLO_DEADLINE: Duration = Duration::from_secs(2);
@@ -30,7 +30,10 @@ pub struct Peer {
 
 impl fmt::Display for Peer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({}) at {}", self.role, self.epoch, self.address)
+        match self.epoch {
+            Epoch::JOINING => write!(f, "a process that joins, at {}", self.address),
+            epoch => write!(f, "{} ({epoch}) at {}", self.role, self.address),
+        }
     }
 }
 
@@ -122,7 +125,7 @@ pub async fn accept(
         };
         let mut connection = Connection::new(stream, Arc::clone(&unknown))?;
         let hello = match timeout_at(late, next_frame(&mut connection)).await {
-            Ok(Ok(frame)) => judge(&frame, certified, &credentials.token, admits),
+            Ok(Ok(frame)) => judge(&frame, certified, credentials, admits),
             Ok(Err(fault)) => Err(unless_tls(fault)),
             Err(_) => Err(Fault::Silent { awaited: "a hello", deadline }),
         };
@@ -145,7 +148,7 @@ pub async fn accept(
 fn judge(
     frame: &[u8],
     certified: Option<Option<RoleKind>>,
-    token: &RunToken,
+    credentials: &Credentials,
     admits: impl Fn(Role, Epoch) -> Result<(), String>,
 ) -> Result<Hello, Fault> {
     let prelude = codec::decode::<HelloPrelude>(frame);
@@ -160,7 +163,8 @@ fn judge(
         let found = certified.map_or("no role", RoleKind::name);
         return Err(Fault::Refused(format!("it says that it is {}, its certificate is that of {found}", hello.role)));
     }
-    if hello.token != *token {
+    let comes_by_certificate = credentials.joiners && certified.is_some() && hello.epoch == Epoch::JOINING;
+    if hello.token != credentials.token && !comes_by_certificate {
         return Err(Fault::Refused(format!("{} has not the token of this run", hello.role)));
     }
     admits(hello.role, hello.epoch).map_err(|expected| {

@@ -41,7 +41,9 @@ impl Book {
     /// A master that expects nodes.
     async fn master(&self, tls: Option<Tls>) -> Listener {
         let admits = |role, _| if matches!(role, Role::Node(_)) { Ok(()) } else { Err("a node".to_owned()) };
-        Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials { token: TOKEN, tls }, admits).await.expect("loopback")
+        Listener::bind(Ipv4Addr::LOCALHOST.into(), Credentials { tls, ..Credentials::plain(TOKEN) }, admits)
+            .await
+            .expect("loopback")
     }
 
     /// A line of each side that says something.
