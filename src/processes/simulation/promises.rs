@@ -7,7 +7,7 @@
 //!   not verified, or the run fails.
 //! - It fails or leaves tiles out only after as many faults as it takes to set its nodes, or its display, aside.
 //! - The books that were closed balance.
-//! - Masters have eight tiles a node at most, besides those that came back to them; no connection grows.
+//! - A master has eight tiles for each of its nodes at most, and the manager has no more attempts out than that.
 
 use super::fake_tracer;
 use super::schedule::{Fault, Schedule, What};

@@ -311,6 +311,12 @@ impl<'a> World<'a> {
                 Some(wire) => self.network.tear(wire),
                 None => return,
             },
+            What::Leave => {
+                if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
+                    node.leave(&mut self.network);
+                }
+                return;
+            }
             What::Corrupt => {
                 if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
                     node.corrupt = true;
