@@ -54,12 +54,12 @@ pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) ->
 }
 
 /// What the display wrote, once it has.
-fn image<'a>(world: &'a World) -> Option<&'a Finished> {
-    let displays = world.bodies.iter().flatten().filter_map(|body| match body {
+fn image<'a>(world: &'a World<'_>) -> Option<&'a Finished> {
+    let mut displays = world.bodies.iter().rev().flatten().filter_map(|body| match body {
         Body::Display(display) => display.finished.as_ref(),
         _ => None,
     });
-    displays.last()
+    displays.next()
 }
 
 /// Tiles of the image that are not what they should be.

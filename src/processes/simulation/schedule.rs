@@ -109,7 +109,7 @@ impl Fault {
             0..4 => What::Kill,
             4 | 5 => What::Stop(lasts),
             6 | 7 => What::Cut(lasts),
-            8 if role == node && lasts.as_nanos() % 2 == 0 => What::Leave,
+            8 if role == node && lasts.as_nanos().is_multiple_of(2) => What::Leave,
             8 => What::Tear,
             _ => What::Corrupt,
         };

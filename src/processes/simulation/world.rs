@@ -68,7 +68,7 @@ pub struct Recovery {
 
 #[derive(Debug)]
 pub(super) enum Body {
-    Bus(Bus),
+    Bus(Box<Bus>),
     Master(Box<Master>),
     Node(Box<Node>),
     Display(Box<Display>),
@@ -175,7 +175,7 @@ impl<'a> World<'a> {
         self.holders.insert(id.role, child.me);
         self.expected.insert(id);
         self.bodies.push(Some(match id.role {
-            Role::Bus(_) => Body::Bus(Bus::new(child)),
+            Role::Bus(_) => Body::Bus(Box::new(Bus::new(child))),
             Role::Master(_) => Body::Master(Box::new(Master::new(child))),
             Role::Display => Body::Display(Box::new(Display::new(child))),
             Role::Node(_) | Role::Manager => Body::Node(Box::new(Node::new(child))),
