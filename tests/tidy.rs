@@ -105,6 +105,13 @@ fn no_process_imports_another() {
 }
 
 #[test]
+fn the_simulation_has_no_clock_and_nobody_knows_of_it() {
+    let real = ["tokio", "mio::", "TcpStream", "Instant", "SystemTime", "std::fs", "std::thread", "std::process"];
+    forbid("src/processes/simulation", &real, &[], "time, network and processes of a simulation are numbers");
+    forbid("src", &["processes::simulation", "super::simulation"], &[], "a process does not know who rehearses it");
+}
+
+#[test]
 fn each_foreign_thing_has_its_place() {
     forbid("src", &["bincode"], &["src/codec.rs", "src/codec"], "the wire codec is named in one file");
     forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");

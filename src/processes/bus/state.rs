@@ -375,7 +375,11 @@ mod tests {
         let (tile, attempt) = (TileId(4), Attempt(1));
         exchange(&mut state, NODE, fetch(0, 64, 0b111), &[]).expect("good");
         exchange(&mut state, NODE, fetch(256, 16, 1), &[]).expect("good");
-        exchange(&mut state, Initiator::Node(NodeId(2)), fetch(0, 128, 1), &[]).expect("good");
+        let mut other = fetch(0, 128, 1);
+        if let MemoryRequest::Fetch { attempt, .. } = &mut other {
+            *attempt = Attempt(2);
+        }
+        exchange(&mut state, Initiator::Node(NodeId(2)), other, &[]).expect("good");
         exchange(&mut state, NODE, MemoryRequest::Bulk { address: Address(0), bytes: 100 }, &[]).expect("good");
         exchange(&mut state, NODE, MemoryRequest::Pixels { tile, attempt, bytes: 75 }, &[]).expect("good");
         let job = MemoryRequest::Job { node: NodeId(1), tile, attempt, bytes: 4 };

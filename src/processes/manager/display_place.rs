@@ -16,6 +16,8 @@ pub(super) struct DisplayPlace {
     pub(super) address: Option<SocketAddr>,
     /// Since the last tile done.
     pub(super) failures: u32,
+    /// Whether it has told all comparisons of tiles that are done; `None`: it was not asked.
+    told_all: Option<bool>,
 }
 
 impl State {
@@ -67,7 +69,7 @@ impl State {
         if was_expected {
             return;
         }
-        self.display.address = None;
+        (self.display.address, self.display.told_all) = (None, None);
         self.display.failures += 1;
         let is_needed = matches!(self.phase, Phase::Running) || self.is_ending_in_peace();
         if !is_needed || self.display.failures >= FAILURES_MAX {
@@ -78,9 +80,42 @@ impl State {
         self.spawn(self.display_process());
     }
 
+    /// Whether the display has nothing more to tell of what it compared. A tile may be done before the comparison
+    /// arrives that came of it: what is told after it is asked to forget nothing is told after all of those.
+    pub(super) fn has_told_all(&mut self) -> bool {
+        if !self.verification.is_in_force() {
+            return true;
+        }
+        if self.display.told_all.is_none() {
+            self.display.told_all = Some(false);
+            self.tell(self.display_process(), Command::Display(DisplayCommand::Revoke(Vec::new())));
+        }
+        self.display.told_all == Some(true)
+    }
+
+    /// Tiles are missing: whatever was told, more will be compared.
+    pub(super) fn expect_comparisons(&mut self) {
+        self.display.told_all = None;
+    }
+
+    /// The display has forgotten these.
+    pub(super) fn revoked(&mut self, revocations: &[Revocation]) {
+        revocations.iter().for_each(|revocation| self.queue.forgotten(revocation.tile));
+        if let (true, Some(told_all)) = (revocations.is_empty(), &mut self.display.told_all) {
+            *told_all = true;
+        }
+    }
+
     /// Two results of a tile were held against each other.
     pub(super) fn compared(&mut self, comparison: &Comparison) {
         let tile = comparison.tile;
+        if !matches!(self.phase, Phase::Running) {
+            // Nobody is left to do anything again.
+            if comparison.kept.digest != comparison.other.digest {
+                self.ledger.incident(self.now, format!("two results of {tile} differ, as was found when all was over"));
+            }
+            return;
+        }
         let Some(kept_by) = comparison.kept.source.or_else(|| self.queue.producer(tile)) else {
             if comparison.kept.digest != comparison.other.digest {
                 self.ledger.incident(self.now, format!("{tile} of the journal differs from what is rendered now"));

@@ -30,6 +30,8 @@ mod verification;
 
 #[cfg(test)]
 mod state_tests;
+#[cfg(test)]
+mod verification_tests;
 
 use std::fmt;
 use std::io;

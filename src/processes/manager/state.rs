@@ -196,9 +196,7 @@ impl State {
             DisplayReport::Restored(tiles) => self.restored(&tiles),
             DisplayReport::Listening(address) => self.display_listens(id, address),
             DisplayReport::Compared(comparison) => self.compared(&comparison),
-            DisplayReport::Revoked(revoked) => {
-                revoked.iter().for_each(|revocation| self.queue.forgotten(revocation.tile));
-            }
+            DisplayReport::Revoked(revoked) => self.revoked(&revoked),
             DisplayReport::Finished(totals) => {
                 self.enter(id, Stage::Finished);
                 self.ledger.display = Some(totals);
@@ -308,9 +306,11 @@ impl State {
     fn advance(&mut self) {
         if matches!(self.phase, Phase::Running) && self.display.address.is_some() {
             self.hand_out();
-            if self.queue.missing() == 0 {
+            if self.queue.missing() > 0 {
+                self.expect_comparisons();
+            } else {
                 self.verify_latest();
-                if self.verification.is_idle() && matches!(self.phase, Phase::Running) {
+                if self.verification.is_idle() && self.has_told_all() && matches!(self.phase, Phase::Running) {
                     self.end(Cause::Complete);
                 }
             }
@@ -322,9 +322,12 @@ impl State {
     fn hand_out(&mut self) {
         for cluster in self.plan.cluster.ids() {
             let Cluster { wanted, .. } = *self.cluster(cluster);
+            if wanted == 0 || self.cluster(cluster).servers().is_none() {
+                continue;
+            }
             let available = self.available(cluster);
             // A master without nodes would give all of it back.
-            if wanted == 0 || available.is_empty() || self.cluster(cluster).servers().is_none() {
+            if available.is_empty() {
                 continue;
             }
             let grants = self.queue.grants(cluster, wanted, &available, self.now);

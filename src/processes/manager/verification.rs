@@ -178,6 +178,11 @@ impl Verification {
         self.condemned.insert(wrong)
     }
 
+    /// Whether the image is vouched for: tiles are verified, or a process is known to be wrong.
+    pub(super) fn is_in_force(&self) -> bool {
+        self.share > 0.0 || !self.condemned.is_empty()
+    }
+
     /// What it still sends is wrong.
     pub(super) fn is_condemned(&self, process: Producer) -> bool {
         self.condemned.contains(&process)

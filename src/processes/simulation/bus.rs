@@ -5,14 +5,13 @@ use std::collections::HashMap;
 use super::child::{Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
 use crate::ids::{Attempt, TileId};
-use crate::processes::manager::process::{Command, ProcessId, Report};
+use crate::processes::manager::process::{Command, Report};
 use crate::protocol::control::{BusCommand, BusReport, BusTotals};
 use crate::protocol::memory::MemoryRequest;
 
 #[derive(Debug)]
 pub(super) struct Bus {
     pub(super) child: Child,
-    peers: HashMap<Wire, ProcessId>,
     totals: BusTotals,
     /// Fetches and their bytes.
     fetched: HashMap<(TileId, Attempt), (u64, u64)>,
@@ -20,16 +19,13 @@ pub(super) struct Bus {
 
 impl Bus {
     pub(super) fn new(child: Child) -> Self {
-        Self { child, peers: HashMap::new(), totals: BusTotals::default(), fetched: HashMap::new() }
+        Self { child, totals: BusTotals::default(), fetched: HashMap::new() }
     }
 
     pub(super) fn arrived(&mut self, network: &mut Network, wire: Wire, parcel: Parcel) {
         let me = self.child.me;
         match parcel {
-            Parcel::Hello(peer) => {
-                self.peers.insert(wire, peer);
-                network.welcome(me, wire);
-            }
+            Parcel::Hello(_) => network.welcome(me, wire),
             Parcel::Message(Message::Command(Command::Bus(command))) => self.obey(network, command),
             Parcel::Message(Message::Store) => network.send(me, wire, Message::Stored),
             Parcel::Message(Message::Modelled(MemoryRequest::Job { bytes, .. })) => {
@@ -37,13 +33,11 @@ impl Bus {
                 self.totals.message_bytes += u64::from(bytes);
             }
             Parcel::Message(Message::Fetch { tile, attempt, fetches, bytes }) => {
-                if self.peers.get(&wire).is_some_and(|peer| peer.node().is_some()) {
-                    self.log(fetches);
-                    self.totals.fetches += fetches;
-                    self.totals.fetched_bytes += bytes;
-                    let fetched = self.fetched.entry((tile, attempt)).or_default();
-                    *fetched = (fetched.0 + fetches, fetched.1 + bytes);
-                }
+                self.log(fetches);
+                self.totals.fetches += fetches;
+                self.totals.fetched_bytes += bytes;
+                let fetched = self.fetched.entry((tile, attempt)).or_default();
+                *fetched = (fetched.0 + fetches, fetched.1 + bytes);
                 network.send(me, wire, Message::Data);
             }
             _ => {}
@@ -52,7 +46,6 @@ impl Bus {
 
     fn obey(&mut self, network: &mut Network, command: BusCommand) {
         match command {
-            // What a child does in silence is its control link's business.
             BusCommand::Heartbeat => {}
             BusCommand::Configure(_) => {
                 let address = Network::address(self.child.me);

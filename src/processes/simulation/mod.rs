@@ -27,9 +27,9 @@ use std::time::Duration;
 
 pub use self::schedule::{Schedule, What};
 pub use self::stopwatch::Clock;
+pub use self::world::Recovery;
 use self::world::{Body, World};
 pub use super::manager::rehearsal::End;
-use crate::protocol::hello::Role;
 
 /// A run that goes on for longer hangs.
 const DEADLINE: Duration = Duration::from_secs(1800);
@@ -48,13 +48,14 @@ pub struct Outcome {
     pub reissued: u64,
     /// Tiles whose two results agreed, and those where they did not.
     pub compared: (u64, u64),
-    /// From each fault to the next tile that was done.
-    pub recoveries: Vec<(What, Role, Duration)>,
+    pub recoveries: Vec<Recovery>,
     /// Most attempts that masters had, and most tiles one master had for each of its nodes.
     pub out_most: usize,
     pub tiles_a_node_most: usize,
     /// Most messages under way on one connection, those that were held up included.
     pub under_way_most: usize,
+    /// Tiles of the finished image whose pixels are not what they should be.
+    pub wrong_tiles: usize,
     /// Promises that were not kept, each with what shows it.
     pub broken: Vec<String>,
     /// What the report would tell, for a look at what went on.
@@ -83,6 +84,7 @@ pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
         out_most: world.most.out,
         tiles_a_node_most,
         under_way_most: world.network.longest,
+        wrong_tiles: promises::wrong_tiles(schedule, &world).len(),
         broken: promises::broken(schedule, &world, tiles_a_node_most),
         incidents: incidents(&world),
         recoveries: world.recoveries,

@@ -69,6 +69,8 @@ pub(super) enum Timer {
     Redial(u64),
     /// Time to look whether the display owes something.
     Late,
+    /// What it holds does not come to its end.
+    Leave,
     /// Nobody hangs up.
     Farewell,
 }

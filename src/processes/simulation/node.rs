@@ -22,6 +22,7 @@ use crate::tracer::simd::Simd;
 /// As the shell's.
 const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
 const BUS_DEADLINE: Duration = Duration::from_secs(10);
+const LEAVE_DEADLINE: Duration = Duration::from_secs(25);
 
 #[derive(Debug)]
 pub(super) struct Node {
@@ -117,6 +118,7 @@ impl Node {
                 }
             }
             Timer::Late => self.look_at_display(network),
+            Timer::Leave => self.has_left(network),
             _ => {}
         }
     }
@@ -252,6 +254,26 @@ impl Node {
                 Action::SendPixels { tile, attempt, pixels } => self.send_pixels(network, tile, attempt, &pixels),
             }
         }
+        if self.state.as_ref().is_some_and(State::has_left) {
+            self.has_left(network);
+        }
+    }
+
+    /// It is asked to go.
+    pub(super) fn leave(&mut self, network: &mut Network) {
+        if self.child.is_closing() {
+            return;
+        }
+        if self.state.is_none() {
+            return self.has_left(network);
+        }
+        network.wake(self.child.me, LEAVE_DEADLINE, Timer::Leave);
+        self.handle(network, Event::Leave);
+    }
+
+    fn has_left(&mut self, network: &mut Network) {
+        self.child.report(network, Report::Node(NodeReport::Leaving));
+        self.end(network, WELL);
     }
 
     fn ask(&self, network: &mut Network, request: WorkRequest) {

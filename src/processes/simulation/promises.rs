@@ -7,12 +7,13 @@
 //!   not verified, or the run fails.
 //! - It fails or leaves tiles out only after as many faults as it takes to set its nodes, or its display, aside.
 //! - The books that were closed balance.
-//! - Masters have eight tiles a node at most, besides those that came back to them; no connection grows.
+//! - A master has eight tiles for each of its nodes at most, and the manager has no more attempts out than that.
 
 use super::fake_tracer;
 use super::schedule::{Fault, Schedule, What};
 use super::world::{Body, World};
 use crate::ids::TileId;
+use crate::processes::display::state::Finished;
 use crate::processes::manager::process::ProcessId;
 use crate::processes::manager::rehearsal::End;
 use crate::protocol::hello::Role;
@@ -26,7 +27,10 @@ const TILES_A_NODE: usize = 8;
 pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) -> Vec<String> {
     let mut broken = Vec::new();
     match world.manager.end() {
-        None => broken.push(format!("it does not end: {} tiles are missing", world.manager.missing())),
+        None => {
+            broken.push(format!("it does not end: {} tiles are missing", world.manager.missing()));
+            broken.extend(world.manager.describe_missing());
+        }
         Some(End::Complete) => complete(schedule, world, &mut broken),
         Some(end) => {
             if let Some(why) = unreasonable(schedule, world, &end) {
@@ -49,33 +53,39 @@ pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) ->
     broken
 }
 
-fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
-    let displays = world.bodies.iter().flatten().filter_map(|body| match body {
+/// What the display wrote, once it has.
+fn image<'a>(world: &'a World<'_>) -> Option<&'a Finished> {
+    let mut displays = world.bodies.iter().rev().flatten().filter_map(|body| match body {
         Body::Display(display) => display.finished.as_ref(),
         _ => None,
     });
-    let Some(image) = displays.last() else {
+    displays.next()
+}
+
+/// Tiles of the image that are not what they should be.
+pub(super) fn wrong_tiles(schedule: &Schedule, world: &World) -> Vec<TileId> {
+    let Some(image) = image(world) else { return Vec::new() };
+    let tiles = (0..schedule.tiles()).map(TileId).filter(|tile| world.manager.accepted(*tile).is_some());
+    let is_wrong = |tile: &TileId| image.frame.pixels().colour[tile.0 as usize] != fake_tracer::pixels(*tile).colour[0];
+    tiles.filter(is_wrong).collect()
+}
+
+fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
+    let Some(image) = image(world) else {
         return broken.push("complete without an image".to_owned());
-    };
-    let unverified = |tile: TileId| {
-        let text = format!("{tile} is not verified");
-        world.manager.incidents().iter().any(|incident| incident.text.starts_with(&text))
     };
     if image.tiles_done != schedule.tiles() {
         broken.push(format!("complete with {} of {} tiles", image.tiles_done, schedule.tiles()));
     }
-    for tile in (0..schedule.tiles()).map(TileId) {
-        let Some((node, epoch)) = world.journal.source(tile) else {
-            broken.push(format!("{tile} is lost"));
-            continue;
-        };
-        if world.manager.accepted(tile).is_none() {
-            broken.push(format!("{tile} is in the frame, and not done"));
-        }
-        let is_right = image.frame.pixels().colour[tile.0 as usize] == fake_tracer::pixels(tile).colour[0];
-        let by_corrupt = world.corrupted.contains(&ProcessId { role: Role::Node(node), epoch });
-        if !is_right && !(by_corrupt && (schedule.play.run.verify == 0.0 || unverified(tile))) {
-            broken.push(format!("{tile} of {node} ({epoch}) is wrong"));
+    for tile in (0..schedule.tiles()).map(TileId).filter(|tile| world.manager.accepted(*tile).is_none()) {
+        broken.push(format!("{tile} is not done"));
+    }
+    let is_verified = schedule.play.run.verify > 0.0
+        && !world.manager.incidents().iter().any(|incident| incident.text.contains("is not verified"));
+    for tile in wrong_tiles(schedule, world) {
+        let is_corrupt = |(node, epoch)| world.corrupted.contains(&ProcessId { role: Role::Node(node), epoch });
+        if is_verified || !world.journal.source(tile).is_some_and(is_corrupt) {
+            broken.push(format!("{tile} is wrong"));
         }
     }
 }

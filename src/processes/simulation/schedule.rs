@@ -33,6 +33,8 @@ pub enum What {
     Cut(Duration),
     /// One of its connections is lost.
     Tear,
+    /// Of a node: it is asked to go.
+    Leave,
     /// Of a node: what it renders from now on is wrong.
     Corrupt,
 }
@@ -107,6 +109,7 @@ impl Fault {
             0..4 => What::Kill,
             4 | 5 => What::Stop(lasts),
             6 | 7 => What::Cut(lasts),
+            8 if role == node && lasts.as_nanos().is_multiple_of(2) => What::Leave,
             8 => What::Tear,
             _ => What::Corrupt,
         };
@@ -125,6 +128,7 @@ impl What {
             Self::Stop(_) => "stop",
             Self::Cut(_) => "cut",
             Self::Tear => "tear",
+            Self::Leave => "leave",
             Self::Corrupt => "corrupt",
         }
     }

@@ -1,24 +1,29 @@
+use super::schedule::Fault;
 use super::*;
+use crate::ids::NodeId;
+use crate::protocol::hello::Role;
 
 /// So many in every test run; `cargo bench --bench simulated` does more.
 const SLICE: u64 = 200;
 
 #[test]
 fn whatever_goes_wrong_the_promises_are_kept() {
-    let slice = std::env::var("SCHEDULES").ok().and_then(|s| s.parse().ok()).unwrap_or(SLICE);
-    let first = std::env::var("FIRST").ok().and_then(|s| s.parse().ok()).unwrap_or(0);
-    let mut bad = 0;
-    for seed in first..first + slice {
+    for seed in 0..SLICE {
         let schedule = Schedule::random(seed);
         let outcome = rehearse(&schedule, None);
-        if !outcome.broken.is_empty() {
-            bad += 1;
-            if bad < 12 {
-                println!("{schedule}\n{:#?}\n{:#?} {:?}", outcome.broken, outcome.incidents, outcome.end);
-            }
-        }
+        assert!(outcome.broken.is_empty(), "{schedule}\n{:#?}\n{:#?}", outcome.broken, outcome.incidents);
     }
-    assert_eq!(bad, 0);
+}
+
+/// What was wrong once: tiles lost with a dead node's late request, comparisons lost with a display, tiles that went to a
+/// master without nodes, a tile taken out of a finished image, books that did not balance.
+#[test]
+fn what_went_wrong_once_is_right() {
+    for seed in [46, 211, 305, 3302, 5786, 10342, 24466, 33148, 34368, 34459, 49255] {
+        let schedule = Schedule::random(seed);
+        let outcome = rehearse(&schedule, None);
+        assert!(outcome.broken.is_empty(), "{schedule}\n{:#?}\n{:#?}", outcome.broken, outcome.incidents);
+    }
 }
 
 #[test]
@@ -28,4 +33,19 @@ fn one_seed_is_one_course_of_events() {
         let [one, other] = [(); 2].map(|()| rehearse(&schedule, None));
         assert_eq!((one.took, one.decisions, one.incidents), (other.took, other.decisions, other.incidents));
     }
+}
+
+/// A promise that nothing can break is none.
+#[test]
+fn without_verification_a_corrupt_nodes_pixels_are_seen() {
+    let mut schedule = Schedule::random(0);
+    (schedule.play.clusters, schedule.play.nodes, schedule.play.run.verify) = (1, 4, 0.0);
+    let role = Role::Node(NodeId(1));
+    schedule.faults = vec![Fault { tiles: 1, then: Duration::ZERO, role, what: What::Corrupt }];
+    let unseen = rehearse(&schedule, None);
+    assert!(unseen.wrong_tiles > 0 && unseen.broken.is_empty(), "{:?}", unseen.broken);
+    schedule.play.run.verify = 0.02;
+    let verified = rehearse(&schedule, None);
+    assert_eq!((verified.wrong_tiles, verified.broken), (0, Vec::new()));
+    assert!(verified.incidents.iter().any(|text| text.contains("node 1 (epoch 0) is corrupt")));
 }

@@ -44,17 +44,31 @@ pub(super) struct World<'a> {
     uploads: HashMap<Wire, ProcessId>,
     armed: Vec<bool>,
     /// When faults happened after which no tile has been done yet.
-    unrecovered: Vec<(What, Role, Duration)>,
-    pub(super) recoveries: Vec<(What, Role, Duration)>,
+    unrecovered: Vec<Recovery>,
+    pub(super) recoveries: Vec<Recovery>,
+    /// When the last stop or cut so far is over.
+    troubled_until: Duration,
     /// Processes whose tiles are wrong.
     pub(super) corrupted: HashSet<ProcessId>,
     /// The most that waited at any time.
     pub(super) most: Queues,
 }
 
+/// From a fault to the next tile that was done.
+#[derive(Clone, Copy, Debug)]
+pub struct Recovery {
+    pub what: What,
+    pub role: Role,
+    /// Since the run began.
+    pub at: Duration,
+    pub took: Duration,
+    /// Nothing else was wrong at the time.
+    pub alone: bool,
+}
+
 #[derive(Debug)]
 pub(super) enum Body {
-    Bus(Bus),
+    Bus(Box<Bus>),
     Master(Box<Master>),
     Node(Box<Node>),
     Display(Box<Display>),
@@ -79,6 +93,7 @@ impl<'a> World<'a> {
             armed: vec![false; schedule.faults.len()],
             unrecovered: Vec::new(),
             recoveries: Vec::new(),
+            troubled_until: Duration::ZERO,
             corrupted: HashSet::new(),
             most: Queues::default(),
         };
@@ -112,8 +127,12 @@ impl<'a> World<'a> {
         let actions = self.watch.time(|| self.manager.handle(now, event));
         self.act(actions);
         if self.manager.missing() < before {
-            let recovered = self.unrecovered.drain(..);
-            self.recoveries.extend(recovered.map(|(what, role, at)| (what, role, now - at)));
+            let alone = self.unrecovered.len() == 1;
+            for mut recovery in self.unrecovered.drain(..) {
+                recovery.took = now - recovery.at;
+                recovery.alone &= alone;
+                self.recoveries.push(recovery);
+            }
         }
         self.arm_faults();
         let queues = self.manager.queues();
@@ -156,7 +175,7 @@ impl<'a> World<'a> {
         self.holders.insert(id.role, child.me);
         self.expected.insert(id);
         self.bodies.push(Some(match id.role {
-            Role::Bus(_) => Body::Bus(Bus::new(child)),
+            Role::Bus(_) => Body::Bus(Box::new(Bus::new(child))),
             Role::Master(_) => Body::Master(Box::new(Master::new(child))),
             Role::Display => Body::Display(Box::new(Display::new(child))),
             Role::Node(_) | Role::Manager => Body::Node(Box::new(Node::new(child))),
@@ -292,6 +311,12 @@ impl<'a> World<'a> {
                 Some(wire) => self.network.tear(wire),
                 None => return,
             },
+            What::Leave => {
+                if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
+                    node.leave(&mut self.network);
+                }
+                return;
+            }
             What::Corrupt => {
                 if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
                     node.corrupt = true;
@@ -300,7 +325,16 @@ impl<'a> World<'a> {
                 return;
             }
         }
-        self.unrecovered.push((fault.what, fault.role, self.network.now));
+        self.unrecovered.push(Recovery {
+            what: fault.what,
+            role: fault.role,
+            at: self.network.now,
+            took: Duration::ZERO,
+            alone: self.network.now >= self.troubled_until,
+        });
+        if let What::Stop(lasts) | What::Cut(lasts) = fault.what {
+            self.troubled_until = self.troubled_until.max(self.network.now + lasts);
+        }
     }
 }
 
