@@ -1,6 +1,6 @@
 //! What the manager tells of the run while it goes on.
 
-use super::process::Stage;
+use super::process::{Process, Stage};
 use super::state::{Phase, State};
 use crate::processes::health::{Health, Metric};
 use crate::protocol::hello::Role;
@@ -21,17 +21,22 @@ pub(super) fn health(state: &State) -> Health {
         Metric::gauge("clusters_serving", "Clusters whose bus has the database.", serving as f64),
         Metric::gauge("seconds", "Since the run began.", state.now.as_secs_f64()),
     ];
-    for (role, is_it) in ROLES {
-        let at_work = |stage| (Stage::Serving..Stage::Finished).contains(&stage);
-        let count = state.table.iter().filter(|process| is_it(process.id.role) && at_work(process.stage)).count();
+    for role in ["bus", "master", "node", "display"] {
+        let is_at_work = |process: &&Process| {
+            name(process.id.role) == role && (Stage::Serving..Stage::Finished).contains(&process.stage)
+        };
+        let count = state.table.iter().filter(is_at_work).count();
         metrics.push(Metric::gauge("processes", "Processes at work.", count as f64).of("role", role));
     }
     Health { ready, metrics }
 }
 
-const ROLES: [(&str, fn(Role) -> bool); 4] = [
-    ("bus", |role| matches!(role, Role::Bus(_))),
-    ("master", |role| matches!(role, Role::Master(_))),
-    ("node", |role| matches!(role, Role::Node(_))),
-    ("display", |role| role == Role::Display),
-];
+fn name(role: Role) -> &'static str {
+    match role {
+        Role::Manager => "manager",
+        Role::Bus(_) => "bus",
+        Role::Master(_) => "master",
+        Role::Node(_) => "node",
+        Role::Display => "display",
+    }
+}
