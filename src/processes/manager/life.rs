@@ -120,7 +120,7 @@ fn signal(child: &Child, signal: Signal) {
     }
 }
 
-/// [`watch`] of a launcher, and of the process that it started elsewhere: that one ends by itself when its control
+/// [`watch()`] of a launcher, and of the process that it started elsewhere: that one ends by itself when its control
 /// connection does.
 pub(super) async fn watch_elsewhere(child: Child, mut fate: Fate, log: &Path) -> String {
     let how = watch(child, &mut fate, log).await;
