@@ -27,7 +27,7 @@ unused:
 typos:
     typos
 
-# The engines of deploy/, for real: what cannot be had here is skipped, loudly.
+# Several hosts by network namespaces, ssh, containers and Slurm, for real: what cannot be had here is skipped, loudly.
 engines:
     deploy/test/all
 

@@ -76,6 +76,11 @@ impl JoinArguments {
         };
         match run(&child) {
             Ok(()) => ExitCode::SUCCESS,
+            // The manager is gone too, where a whole cluster is asked to go.
+            Err(error) if child.is_leaving() => {
+                tracing::warn!("left: {error}");
+                ExitCode::SUCCESS
+            }
             Err(error) => {
                 if child.joined {
                     tracing::error!("{error}");

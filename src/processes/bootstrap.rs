@@ -3,6 +3,8 @@
 use std::io::{self, IsTerminal, Read};
 use std::mem::discriminant;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
@@ -32,6 +34,8 @@ pub struct Child {
     tls: Option<Tls>,
     /// Who is told how it does, if anybody asks.
     health: Option<watch::Sender<Health>>,
+    /// Asked to go.
+    leaving: Arc<AtomicBool>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -85,7 +89,7 @@ impl Child {
     /// Its keys cannot be used.
     pub(super) fn new(bootstrap: Bootstrap, joined: bool) -> Result<Self, StartError> {
         let tls = bootstrap.identity.as_ref().map(Tls::new).transpose()?;
-        Ok(Self { bootstrap, joined, tls, health: None })
+        Ok(Self { bootstrap, joined, tls, health: None, leaving: Arc::default() })
     }
 
     /// How this process introduces itself, to whomever it dials.
@@ -107,6 +111,15 @@ impl Child {
         heartbeat: Report,
     ) -> Result<ControlLink<C, Report>, StartError> {
         ControlLink::open(self, heartbeat)
+    }
+
+    /// Notes that this process was asked to go: whatever becomes of its run, it joins no other.
+    pub(super) fn leave(&self) {
+        self.leaving.store(true, Ordering::Relaxed);
+    }
+
+    pub fn is_leaving(&self) -> bool {
+        self.leaving.load(Ordering::Relaxed)
     }
 
     /// Tells whoever looks after this machine: it is ready while its control connection stands.

@@ -71,7 +71,7 @@ impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Re
                 let orphaned = converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
                 child.tell(false);
                 if orphaned {
-                    join::end_orphan(child.joined);
+                    join::end_orphan(&child);
                 }
             });
         });

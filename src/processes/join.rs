@@ -12,7 +12,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use super::{listening, token};
+use super::{Child, listening, token};
 use crate::ids::Epoch;
 use crate::keys::Identity;
 use crate::protocol::connection::{Credentials, Tls, connect};
@@ -166,8 +166,11 @@ impl Pauses {
 }
 
 /// Ends a process whose manager is gone: at once, whatever its other threads do.
-pub(super) fn end_orphan(joined: bool) -> ! {
-    if joined {
+pub(super) fn end_orphan(child: &Child) -> ! {
+    if child.is_leaving() {
+        process::exit(0);
+    }
+    if child.joined {
         begin_anew();
     }
     process::exit(1)

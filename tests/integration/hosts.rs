@@ -1,8 +1,8 @@
 //! Hosts: launchers on other loopback addresses, processes that join late, leave and come again, and who is refused.
 
 use std::fs;
-use std::io::Write;
-use std::net::TcpListener;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -198,6 +198,39 @@ fn a_node_that_joined_and_is_killed_is_replaced_by_another() {
     for node in &mut nodes[1..] {
         assert_eq!(node.code(), Some(0), "all are told the end");
     }
+}
+
+/// The answer to those who look after a machine; nothing while nobody listens.
+fn health(port: u16) -> String {
+    let mut answer = String::new();
+    if let Ok(mut stream) = TcpStream::connect(("127.0.0.1", port)) {
+        stream.write_all(b"GET /healthz HTTP/1.0\r\n\r\n").expect("it reads");
+        stream.read_to_string(&mut answer).expect("it answers");
+    }
+    answer
+}
+
+/// As a batch system does that asks a whole job to go.
+#[test]
+fn a_node_that_is_asked_to_go_joins_no_other_run_when_its_own_fails() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let hosts = "[[host]]\nname = 'here'\nnodes = 0\n[[host]]\nname = 'cloud'\nlaunch = 'external'\n";
+    let path = topology(folder.path(), hosts);
+    let (out, port, health_port) = (folder.path().join("out"), free_port(), free_port());
+    let mut node = Process::join("marti-node", port, &out, &["--health", &format!("127.0.0.1:{health_port}")]);
+    wait_until("an answer", || health(health_port).contains(" 503 "));
+    let run = manager(&path, &out, port, &[&SLOW[..], &["cluster.nodes=1"]].concat());
+    wait_until("work", || recorded_bytes(&out) > 64 << 10);
+    assert!(health(health_port).contains(" 200 "), "{}", health(health_port));
+    let servers = children(run.0.id(), 3, PATIENCE);
+    let (_, bus) = servers.iter().find(|(name, _)| name.contains("bus")).expect("a bus");
+    // So that it cannot bring its tiles to their end.
+    signal(*bus, Signal::SIGSTOP);
+    signal(node.0.id(), Signal::SIGTERM);
+    std::thread::sleep(Duration::from_millis(300));
+    signal(run.0.id(), Signal::SIGKILL);
+    assert_eq!(node.code(), Some(0), "it goes");
+    signal(*bus, Signal::SIGKILL);
 }
 
 #[test]
