@@ -8,6 +8,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
@@ -61,19 +62,26 @@ impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Re
         let (child, manager, introduction) = (child.clone(), child.bootstrap.manager, child.introduction());
         let period = Duration::from_millis(child.bootstrap.heartbeat_milliseconds.max(1));
         let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
-            runtime.block_on(async move {
+            let orphaned = runtime.block_on(async {
+                if let Role::Node(_) = child.bootstrap.role {
+                    tokio::spawn(heed_sigterm(child.clone()));
+                }
                 let connection = match connect(Role::Manager, manager, &introduction, CONNECT_DEADLINE).await {
                     Ok(connection) => connection,
-                    Err(error) => return drop(connected.send(Err(error))),
+                    Err(error) => {
+                        drop(connected.send(Err(error)));
+                        return false;
+                    }
                 };
                 drop(connected.send(Ok(connection.local_address().ip())));
                 child.tell(true);
                 let orphaned = converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
                 child.tell(false);
-                if orphaned {
-                    join::end_orphan(&child);
-                }
+                orphaned
             });
+            if orphaned {
+                join::end_orphan(&child);
+            }
         });
         let thread = thread.map_err(StartError::Thread)?;
         // The thread answers in any case, within the deadline for connecting.
@@ -87,6 +95,15 @@ impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Re
         drop(self.closing);
         // A panic of that thread is in the log.
         let _ = self.thread.join();
+    }
+}
+
+/// A node leaves in order, and whatever becomes of its run meanwhile, it is to go; the others end at once.
+async fn heed_sigterm(child: Child) {
+    // Without a handler it ends at once, too.
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return };
+    while terminate.recv().await.is_some() {
+        child.leave();
     }
 }
 

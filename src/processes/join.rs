@@ -5,12 +5,13 @@ use std::net::{IpAddr, SocketAddr};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{self, Command};
-use std::thread;
 use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
-use tokio::time::{Instant, sleep, timeout_at};
+use tokio::runtime::Builder;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::{Child, listening, token};
 use crate::ids::Epoch;
@@ -69,7 +70,7 @@ pub enum JoinError {
 /// # Errors
 /// There was none in time.
 pub(super) fn join(role: Role, joining: &Joining) -> Result<Bootstrap, JoinError> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(JoinError::System)?;
+    let runtime = Builder::new_current_thread().enable_all().build().map_err(JoinError::System)?;
     runtime.block_on(ask(role, joining))
 }
 
@@ -179,10 +180,21 @@ pub(super) fn end_orphan(child: &Child) -> ! {
 /// The same program with the same arguments in the place of this process, which has a clean slate then. Returns only
 /// where that is not possible.
 pub fn begin_anew() {
-    thread::sleep(PAUSE_MIN);
+    if is_asked_to_go(PAUSE_MIN) {
+        process::exit(0);
+    }
     let error = std::env::current_exe().map(|program| Command::new(program).args(std::env::args_os().skip(1)).exec());
     let (Ok(error) | Err(error)) = error;
     tracing::error!("cannot begin anew: {error}");
+}
+
+/// Whether SIGTERM arrives in this time. A node's handler is still there and would swallow it.
+fn is_asked_to_go(within: Duration) -> bool {
+    let Ok(runtime) = Builder::new_current_thread().enable_all().build() else { return false };
+    runtime.block_on(async {
+        let Ok(mut terminate) = signal(SignalKind::terminate()) else { return false };
+        timeout(within, terminate.recv()).await.is_ok()
+    })
 }
 
 #[cfg(test)]

@@ -109,10 +109,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
                 Some(NodeCommand::Finish) => return Ok(End::Finished),
                 None => return Err(NodeError::Orphaned),
             },
-            _ = terminate.recv() => {
-                child.leave();
-                return Ok(End::Left);
-            }
+            _ = terminate.recv() => return Ok(End::Left),
         }
     };
     let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
@@ -135,7 +132,6 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
             },
             event = shell.event() => event?,
             _ = terminate.recv() => {
-                child.leave();
                 leave_by.get_or_insert_with(|| Instant::now() + LEAVE_DEADLINE);
                 Event::Leave
             }
