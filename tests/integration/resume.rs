@@ -31,7 +31,7 @@ fn a_killed_managers_run_goes_on_and_gives_the_same_image() {
     let out = tempfile::tempdir().expect("temporary folder");
     let options = SLOW.map(|set| ["--set", set]).concat();
     let undisturbed = report_of(TEAPOT, out.path(), &SLOW);
-    // 160x160 pixels of 12 bytes in a hundred tiles.
+    // 160x160 pixels of 12 bytes in 400 tiles.
     for bytes in [0, 30_000, 200_000] {
         let running = kill_at(bytes, &options);
         let output = resume(running.out.path(), &[]);
@@ -39,12 +39,12 @@ fn a_killed_managers_run_goes_on_and_gives_the_same_image() {
         let report = running.report();
         assert_eq!(report["image"]["sha256"], undisturbed["image"]["sha256"], "{bytes}");
         assert_eq!(report["conservation"]["holds"], true, "{}", report["conservation"]);
-        // A record is 32 bytes and a tile of 16x16 pixels.
+        // A record is 32 bytes and a tile of 8x8 pixels.
         let resumed = number(&report, "tiles.resumed");
-        assert!(resumed >= bytes / (32 + 16 * 16 * 12), "{bytes}: {resumed}");
+        assert!(resumed >= bytes / (32 + 8 * 8 * 12), "{bytes}: {resumed}");
         let accepted =
             report["nodes"].as_array().expect("a list").iter().map(|node| node["tiles"].as_u64().unwrap_or(0));
-        assert_eq!(accepted.sum::<u64>() + resumed, 100, "only what the journal lacks is rendered");
+        assert_eq!(accepted.sum::<u64>() + resumed, 400, "only what the journal lacks is rendered");
         assert!(decodes_as_png(&running.out.path().join("image.png")));
         assert!(running.out.path().join("earlier/1/recording").is_dir());
     }
@@ -65,7 +65,7 @@ fn an_empty_journal_starts_over_and_a_torn_tail_is_dropped_and_told() {
     let before = report_of(TEAPOT, out.path(), &["image.width=64", "image.height=64"]);
     let journal = out.path().join("tiles");
     let whole = fs::read(&journal).expect("a journal");
-    for (kept, resumed, incidents) in [(0, 0, 0), (whole.len() - 5, 15, 1)] {
+    for (kept, resumed, incidents) in [(0, 0, 0), (whole.len() - 5, 63, 1)] {
         fs::write(&journal, &whole[..kept]).expect("our own file");
         fs::remove_file(out.path().join("image.png")).expect("an image");
         let output = resume(out.path(), &[]);
@@ -87,7 +87,7 @@ fn what_cannot_be_resumed_is_named() {
     report_of(TEAPOT, out.path(), &["image.width=32", "image.height=32"]);
     fs::remove_file(out.path().join("image.png")).expect("an image");
     for (set, expected) in [
-        ("image.width=48", "tiles: is the journal of another image: 32x32 pixels in tiles of 16x16, expected 48x32"),
+        ("image.width=48", "tiles: is the journal of another image: 32x32 pixels in tiles of 8x8, expected 48x32"),
         ("image.depth=1", "scene and settings have the fingerprint"),
     ] {
         let output = run(&["run", "--resume", path, "--set", set]);

@@ -6,12 +6,15 @@ use std::time::Duration;
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::control::{LostAttempt, Revocation, TileGrant};
 use crate::tile_order;
-use crate::topology::{Assignment, Cluster, Run};
+use crate::topology::{Assignment, Cluster, MemorySize, Run};
 use crate::tracer::Tiling;
 
 /// A tile is a straggler when it has been out for longer than this, and for longer than [`STRAGGLE_FACTOR`] times
 /// what tiles take on average.
 const STRAGGLE_MIN: Duration = Duration::from_millis(500);
+/// The same where accesses are counted: what a second attempt fetches stands in the bus' log, so that one that a busy
+/// machine alone has held up is not worth it.
+const COUNTED_STRAGGLE_MIN: Duration = Duration::from_secs(10);
 const STRAGGLE_FACTOR: u32 = 3;
 
 /// Tiles in order, in one lane from which all nodes are served, or in one lane a node.
@@ -27,6 +30,7 @@ pub(super) struct JobQueue {
     reissued: u64,
     /// Whether stragglers are handed out a second time.
     duplicates: bool,
+    straggle_min: Duration,
     /// From issue to completion, of all accepted tiles.
     taken: Duration,
     accepted: u32,
@@ -111,6 +115,10 @@ impl JobQueue {
             reissued: 0,
             // Counts that are to be reproduced must not depend on who was slow.
             duplicates: run.assignment == Assignment::OnDemand,
+            straggle_min: match clusters.local_memory.size {
+                MemorySize::All => STRAGGLE_MIN,
+                _ => COUNTED_STRAGGLE_MIN,
+            },
             taken: Duration::ZERO,
             accepted: 0,
         };
@@ -230,7 +238,7 @@ impl JobQueue {
         if !self.duplicates || self.accepted == 0 || self.lanes.iter().any(|lane| !lane.waiting.is_empty()) {
             return None;
         }
-        let patience = STRAGGLE_MIN.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
+        let patience = self.straggle_min.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
         // A done tile's other attempt may still be out; so may one that was revoked.
         let is_alone = |tile: TileId| self.tiles[tile.0 as usize].place == Place::Out && self.out_of(tile).count() == 1;
         let late = self.out.iter().filter(|((tile, _), out)| {
