@@ -65,7 +65,7 @@ fn an_empty_journal_starts_over_and_a_torn_tail_is_dropped_and_told() {
     let before = report_of(TEAPOT, out.path(), &["image.width=64", "image.height=64"]);
     let journal = out.path().join("tiles");
     let whole = fs::read(&journal).expect("a journal");
-    for (kept, resumed, incidents) in [(0, 0, 0), (whole.len() - 5, 63, 1)] {
+    for (kept, resumed, is_torn) in [(0, 0, false), (whole.len() - 5, 63, true)] {
         fs::write(&journal, &whole[..kept]).expect("our own file");
         fs::remove_file(out.path().join("image.png")).expect("an image");
         let output = resume(out.path(), &[]);
@@ -73,7 +73,8 @@ fn an_empty_journal_starts_over_and_a_torn_tail_is_dropped_and_told() {
         let report = read_report(&out.path().join("report.json"));
         assert_eq!(report["image"]["sha256"], before["image"]["sha256"]);
         assert_eq!(number(&report, "tiles.resumed"), resumed);
-        assert_eq!(report["incidents"].as_array().map(Vec::len), Some(incidents), "{}", report["incidents"]);
+        let incidents = report["incidents"].to_string();
+        assert_eq!(incidents.contains("tiles: dropped the last 795 bytes"), is_torn, "{incidents}");
     }
 }
 
