@@ -109,6 +109,9 @@ impl State {
     /// Two results of a tile were held against each other.
     pub(super) fn compared(&mut self, comparison: &Comparison) {
         let tile = comparison.tile;
+        if tile.0 >= self.queue.total() {
+            return self.doom(self.display_process(), format!("compared {tile} of an image of {}", self.queue.total()));
+        }
         if !matches!(self.phase, Phase::Running) {
             // Nobody is left to do anything again.
             if comparison.kept.digest != comparison.other.digest {

@@ -87,3 +87,11 @@ fn a_verified_run_ends_when_the_display_has_told_all() {
     assert!(stage.incidents()[0].starts_with("two results of tile 0 differ"));
     assert_eq!(stage.state.queue.missing(), 0);
 }
+
+#[test]
+fn a_display_that_compares_what_there_is_not_is_ended() {
+    let mut stage = Stage::configured(sample::plan(2, 4), 4);
+    let result = |digest| TileResult { attempt: Attempt(0), source: None, digest: [digest; 32] };
+    let comparison = Comparison { tile: TileId(4), kept: result(1), other: result(2) };
+    assert_eq!(stage.display(DisplayReport::Compared(comparison)), [Action::Kill(DISPLAY)]);
+}
