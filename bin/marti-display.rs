@@ -16,9 +16,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    Arguments::parse().join.play("marti-display", Role::Display, |child| -> anyhow::Result<()> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        runtime.block_on(display::run(child.clone())).inspect_err(|error| tracing::error!("{error}"))?;
-        Ok(())
-    })
+    Arguments::parse().join.play("marti-display", Role::Display, display::run)
 }

@@ -17,9 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), |child| -> anyhow::Result<()> {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        runtime.block_on(master::run(child.clone())).inspect_err(|error| tracing::error!("{error}"))?;
-        Ok(())
-    })
+    Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)
 }

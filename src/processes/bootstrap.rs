@@ -1,5 +1,6 @@
 //! How a process comes to life that `marti` is not: what the manager hands down, the log, the control connection.
 
+use std::fmt::Display;
 use std::io::{self, IsTerminal, Read};
 use std::mem::discriminant;
 use std::net::{IpAddr, SocketAddr};
@@ -9,6 +10,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
+use tokio::runtime::Builder;
 use tokio::sync::watch;
 
 use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
@@ -142,6 +144,12 @@ impl Child {
     pub(super) async fn advertised(&self, listens: SocketAddr, reached: IpAddr) -> io::Result<SocketAddr> {
         listening::advertised(self.bootstrap.advertise.as_deref(), listens, reached).await
     }
+}
+
+/// Lives a process' life on this thread, and logs what goes wrong with it.
+pub(super) fn live<T, E: From<io::Error> + Display>(life: impl Future<Output = Result<T, E>>) -> Result<T, E> {
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(life).inspect_err(|error| tracing::error!("{error}"))
 }
 
 /// Standard input has no deadline of its own, hence the thread; it ends with the process at the latest.

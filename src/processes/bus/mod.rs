@@ -17,7 +17,7 @@ use tokio::time::timeout;
 pub use self::alone::{Alone, serve_alone};
 use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
-use super::bootstrap::StartError;
+use super::bootstrap::{StartError, live};
 use super::{Child, ControlLink};
 use crate::ids::Epoch;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
@@ -60,9 +60,8 @@ pub enum BusError {
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), BusError> {
-    let mut link = child.control(BusReport::Heartbeat)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let outcome = runtime.block_on(async {
+    live(async {
+        let mut link = child.control(BusReport::Heartbeat)?;
         let outcome = serve(child, &mut link).await;
         let report = match &outcome {
             Ok(totals) => BusReport::Finished(*totals),
@@ -70,13 +69,9 @@ pub fn run(child: &Child) -> Result<(), BusError> {
         };
         // An error means that the manager is gone: the log has the outcome.
         let _ = link.reports.send(report).await;
-        outcome
-    });
-    if let Err(error) = &outcome {
-        tracing::error!("{error}");
-    }
-    link.close();
-    outcome.map(drop)
+        link.close();
+        outcome.map(drop)
+    })
 }
 
 /// Until the manager says that it is over.

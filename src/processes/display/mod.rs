@@ -12,6 +12,7 @@ use tokio::task::{AbortHandle, spawn_blocking};
 
 use self::state::{Action, ConnectionId, Event, Finished, Source, State};
 use crate::journal::{Journal, JournalError, RunId, Subject};
+use crate::processes::bootstrap::live;
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
@@ -44,17 +45,19 @@ type Link = ControlLink<DisplayCommand, DisplayReport>;
 ///
 /// # Errors
 /// The manager is gone, there is no memory for the image, or image or journal cannot be written.
-pub async fn run(child: Child) -> Result<(), DisplayError> {
-    let mut link: Link = child.control(DisplayReport::Heartbeat)?;
-    let served = serve(&mut link, &child).await;
-    let last = match &served {
-        Ok(totals) => DisplayReport::Finished(totals.clone()),
-        Err(error) => DisplayReport::Failed(error.to_string()),
-    };
-    // Where the manager is gone nobody is left to be told.
-    let _ = report(&link, last).await;
-    link.close();
-    served.map(drop)
+pub fn run(child: &Child) -> Result<(), DisplayError> {
+    live(async {
+        let mut link: Link = child.control(DisplayReport::Heartbeat)?;
+        let served = serve(&mut link, child).await;
+        let last = match &served {
+            Ok(totals) => DisplayReport::Finished(totals.clone()),
+            Err(error) => DisplayReport::Failed(error.to_string()),
+        };
+        // Where the manager is gone nobody is left to be told.
+        let _ = report(&link, last).await;
+        link.close();
+        served.map(drop)
+    })
 }
 
 async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayError> {

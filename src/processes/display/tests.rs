@@ -57,10 +57,7 @@ impl Manager {
             log: None,
             heartbeat_milliseconds: 50,
         };
-        let display = thread::spawn(|| {
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-            runtime.block_on(run(Child::new(bootstrap, false).expect("no keys")))
-        });
+        let display = thread::spawn(|| run(&Child::new(bootstrap, false).expect("no keys")));
         let (_, connection) = manager.arrival().await.expect("the display");
         let (mut to_display, from_display) = connection.split();
         to_display.send(&DisplayCommand::Configure(configuration)).await.expect("awaited");

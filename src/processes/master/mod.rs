@@ -16,6 +16,7 @@ use tokio::time::{MissedTickBehavior, interval};
 use self::seat::NodeProcess;
 use self::state::{Action, Event, State};
 use crate::ids::NodeId;
+use crate::processes::bootstrap::live;
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender, connect};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, MasterTotals};
@@ -50,8 +51,16 @@ type Link = ControlLink<MasterCommand, MasterReport>;
 ///
 /// # Errors
 /// The manager or the bus cannot be reached, or the manager is gone.
-pub async fn run(child: Child) -> Result<(), MasterError> {
-    let mut link: Link = child.control(MasterReport::Heartbeat)?;
+pub fn run(child: &Child) -> Result<(), MasterError> {
+    live(async {
+        let mut link: Link = child.control(MasterReport::Heartbeat)?;
+        serve(child, &mut link).await?;
+        link.close();
+        Ok(())
+    })
+}
+
+async fn serve(child: &Child, link: &mut Link) -> Result<(), MasterError> {
     let configuration = match link.commands.recv().await {
         Some(MasterCommand::Configure(configuration)) => configuration,
         Some(_) => return Err(MasterError::NotConfigured),
@@ -66,12 +75,10 @@ pub async fn run(child: Child) -> Result<(), MasterError> {
     .await?;
     let bus = connect(Role::Bus(cluster), configuration.bus, &child.introduction(), BUS_DEADLINE).await?;
     let address = child.advertised(listener.address(), link.interface).await?;
-    report(&link, MasterReport::Listening(address)).await?;
-    let totals = Shell::new(&configuration, bus).serve(&mut link, listener).await?;
+    report(link, MasterReport::Listening(address)).await?;
+    let totals = Shell::new(&configuration, bus).serve(link, listener).await?;
     // The connection to the bus is closed: all modelled messages have left before they are asked for.
-    report(&link, MasterReport::Finished(totals)).await?;
-    link.close();
-    Ok(())
+    report(link, MasterReport::Finished(totals)).await
 }
 
 async fn report(link: &Link, report: MasterReport) -> Result<(), MasterError> {

@@ -22,7 +22,7 @@ use self::corruption::Corruption;
 use self::display_link::DisplayLink;
 use self::state::{Action, Event, State, Violation};
 use self::tracer_thread::{FromTracer, Tracer};
-use super::bootstrap::StartError;
+use super::bootstrap::{StartError, live};
 use super::{Child, ControlLink};
 use crate::ids::ClusterId;
 use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
@@ -67,9 +67,8 @@ pub enum NodeError {
 /// # Errors
 /// Anything that keeps this node from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), NodeError> {
-    let mut link = child.control(NodeReport::Heartbeat)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let outcome = runtime.block_on(async {
+    live(async {
+        let mut link = child.control(NodeReport::Heartbeat)?;
         let outcome = work(child, &mut link).await;
         let report = match &outcome {
             Ok(End::Finished) => NodeReport::Finished,
@@ -78,13 +77,9 @@ pub fn run(child: &Child) -> Result<(), NodeError> {
         };
         // An error means that the manager is gone: the log has the outcome.
         let _ = link.reports.send(report).await;
-        outcome
-    });
-    if let Err(error) = &outcome {
-        tracing::error!("{error}");
-    }
-    link.close();
-    outcome.map(drop)
+        link.close();
+        outcome.map(drop)
+    })
 }
 
 /// How a node's work ends well.

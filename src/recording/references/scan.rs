@@ -142,7 +142,8 @@ impl Scan {
         let bytes = &body[from..from + 4 * row.words.words as usize];
         row.words.crc32c = crc32c::crc32c(bytes);
         let found = row_crc32c(row.words.crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
-        if found != row.crc32c {
+        // A fuzzer cannot guess checksums, and is to see what they guard.
+        if found != row.crc32c && !cfg!(fuzzing) {
             return Err(format!("crc32c of the row is {found:#010x}, expected {:#010x}", row.crc32c));
         }
         words.clear();

@@ -1,0 +1,11 @@
+//! A schedule of faults. What is accepted prints as itself, and finds its places or says which it does not find.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use marti::chaos::{Cast, Schedule};
+
+fuzz_target!(|text: &str| {
+    let Ok(schedule) = text.parse::<Schedule>() else { return };
+    assert_eq!(schedule.to_string().parse(), Ok(schedule.clone()));
+    let _ = schedule.faults(Cast { clusters: 2, nodes: 5 });
+});

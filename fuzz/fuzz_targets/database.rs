@@ -1,0 +1,50 @@
+//! A database as it comes from a bus, of any bytes: so many records a section, then the image. A node with a small
+//! memory traces it unseen and must end; one with all of it checks it first, and what passes is traced by every kernel.
+//! An octree that leaves something out passes, so that the images need not be the same.
+#![no_main]
+
+use std::sync::Arc;
+
+use libfuzzer_sys::fuzz_target;
+use marti::database::verify::Verified;
+use marti::database::{Database, Header, Layout, Normalisation, Section};
+use marti::ids::Address;
+use marti::machine::cluster_memory::ClusterMemory;
+use marti::machine::local_memory::{Geometry, LocalMemory};
+use marti::machine::replacement::Lru;
+use marti::scene::Camera;
+use marti::topology::{LocalMemory as Settings, MemorySize, Replacement};
+use marti::tracer::{AovSet, Rect, TileTracer, View};
+use marti_fuzz::{IMAGE, images, view_of};
+
+/// Traces as a node with 1 KiB does: what it reads is checked record by record, as it comes.
+fn unseen(header: &Header, bytes: &[u8], view: &View) {
+    let mut cluster = ClusterMemory::new(&header.layout);
+    cluster.store(Address(0), bytes).expect("the whole of it");
+    let settings = Settings { size: MemorySize::Bytes(1 << 10), line: 64, ways: None, replacement: Replacement::Lru };
+    let Ok(geometry) = Geometry::new(&settings, &header.layout) else { return };
+    let mut memory = LocalMemory::<Lru, _>::new(geometry, &header.layout, 1, &cluster);
+    let mut tracer = TileTracer::new(header, view, true);
+    let whole = Rect { x: 0, y: 0, width: IMAGE.width, height: IMAGE.height };
+    let _ = tracer.trace(&mut memory, whole, AovSet::default());
+}
+
+fuzz_target!(|data: &[u8]| {
+    let Some((counts, data)) = data.split_at_checked(Section::COUNT + 1) else { return };
+    let records = std::array::from_fn(|section| u64::from(counts[section]));
+    let layout = Layout::new(records).expect("small");
+    let header = Header {
+        layout,
+        normalisation: Normalisation::new(None),
+        max_depth: u32::from(counts[Section::COUNT]),
+        scene_primitives: 1,
+    };
+    let mut bytes = data.to_vec();
+    bytes.resize(header.layout.image_bytes() as usize, 0);
+    let view = view_of(Camera::framing(None));
+    unseen(&header, &bytes, &view);
+    let words = bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
+    if let Ok(database) = Verified::new(Database { header, words: Arc::new(words) }) {
+        images(&database, &view);
+    }
+});

@@ -1,0 +1,24 @@
+//! Other people's traces: the first byte says in which format.
+#![no_main]
+
+use std::path::Path;
+
+use libfuzzer_sys::fuzz_target;
+use marti::replay::importers::{csv, din, oracle_general};
+
+fuzz_target!(|data: &[u8]| {
+    let Some((format, bytes)) = data.split_first() else { return };
+    let file = Path::new("trace");
+    let imported = match format % 3 {
+        0 => csv::read(file, bytes),
+        1 => din::read(file, bytes),
+        _ => oracle_general::read(file, bytes),
+    };
+    if let Ok(imported) = imported {
+        for line_bytes in [16, 256] {
+            let lines = imported.lines(line_bytes);
+            assert!(imported.image_bytes() > 0 || imported.references() == 0);
+            drop(lines);
+        }
+    }
+});

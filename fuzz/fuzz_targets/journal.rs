@@ -1,0 +1,45 @@
+//! The display's journal. Reader and writer see the same records; after the writer has cut it, it is whole.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use marti::ids::{Attempt, TileId};
+use marti::journal::{Journal, Next, Reader, Record, RunId, Start, Subject};
+use marti::tracer::{AovSet, Tiling};
+use marti_fuzz::with_file;
+
+const SUBJECT: Subject = Subject {
+    tiling: Tiling { width: 5, height: 3, tile_width: 2, tile_height: 2 },
+    aov: AovSet { depth: true, normal: false, primitive: false },
+    fingerprint: [7; 32],
+};
+
+/// Records, and whether the journal is whole; `None`: it is no journal of this.
+fn read(bytes: &[u8]) -> Option<(usize, bool)> {
+    let mut reader = Reader::new(bytes, SUBJECT);
+    if reader.start().ok()? == Start::Torn {
+        return Some((0, false));
+    }
+    let mut records = 0;
+    loop {
+        match reader.next_record().expect("bytes can be read") {
+            Next::Record(..) => records += 1,
+            Next::End => return Some((records, true)),
+            Next::Damaged(_) => return Some((records, false)),
+        }
+    }
+}
+
+fuzz_target!(|data: &[u8]| {
+    let found = read(data);
+    with_file("tiles", data, |path| {
+        let _ = Journal::planes(path);
+        let mut restored = 0;
+        let opened = Journal::open(path, &SUBJECT, RunId(9), true, |_, _| restored += 1);
+        assert_eq!(opened.is_ok(), found.is_some());
+        let (Ok((mut journal, _)), Some((records, _))) = (opened, found) else { return };
+        assert_eq!(restored, records);
+        journal.append(&Record::Revoked { tile: TileId(1), attempt: Attempt(2) }).expect("TMPDIR is writable");
+        let bytes = std::fs::read(path).expect("it is there");
+        assert_eq!(read(&bytes), Some((records + 1, true)), "what was cut and appended to is whole");
+    });
+});

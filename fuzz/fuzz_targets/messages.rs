@@ -1,0 +1,51 @@
+//! Every message of the wire: the first byte says which. What is decoded is encoded again, and that is decoded again.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use marti::codec::{self, Message};
+use marti::protocol::control::{
+    Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
+    NodeReport,
+};
+use marti::protocol::hello::{Hello, HelloPrelude, HelloReply};
+use marti::protocol::image::{ImageReply, TilePixels};
+use marti::protocol::join::{JoinReply, JoinRequest};
+use marti::protocol::memory::{MemoryReply, MemoryRequest};
+use marti::protocol::work::{WorkReply, WorkRequest};
+
+fn decode<M: Message>(frame: &[u8]) {
+    let Ok((message, bulk)) = codec::decode::<M>(frame) else { return };
+    let encoded = codec::encode(&message, bulk).expect("what was decoded can be sent");
+    let inner = codec::first_frame(&encoded, codec::frame_bytes_max::<M>()).expect("not too long").expect("whole");
+    let (message, bulk) = codec::decode::<M>(inner).expect("what was sent can be decoded");
+    assert_eq!(codec::encode(&message, bulk).expect("again"), encoded);
+}
+
+const DECODERS: [fn(&[u8]); 20] = [
+    decode::<Bootstrap>,
+    decode::<HelloPrelude>,
+    decode::<Hello>,
+    decode::<HelloReply>,
+    decode::<JoinRequest>,
+    decode::<JoinReply>,
+    decode::<BusCommand>,
+    decode::<BusReport>,
+    decode::<MasterCommand>,
+    decode::<MasterReport>,
+    decode::<NodeCommand>,
+    decode::<NodeReport>,
+    decode::<DisplayCommand>,
+    decode::<DisplayReport>,
+    decode::<MemoryRequest>,
+    decode::<MemoryReply>,
+    decode::<WorkRequest>,
+    decode::<WorkReply>,
+    decode::<TilePixels>,
+    decode::<ImageReply>,
+];
+
+fuzz_target!(|data: &[u8]| {
+    if let Some((which, frame)) = data.split_first() {
+        DECODERS[usize::from(*which) % DECODERS.len()](frame);
+    }
+});

@@ -1,0 +1,141 @@
+//! `seeds MARTI FOLDER`: what the fuzz targets begin with, made by a `marti` program: `FOLDER/TARGET/NAME`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use marti::database::Section;
+use marti::ids::{Attempt, Epoch, NodeId, TileId};
+use marti::journal::{Journal, Record, RunId, Subject};
+use marti::scene::load;
+use marti::tracer::octree::{BuildParameters, build_database};
+use marti::tracer::{AovSet, Tiling};
+
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+
+fn main() -> Result<()> {
+    let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let [marti, corpus] = arguments.as_slice() else { return Err("expected MARTI FOLDER".into()) };
+    let project = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("the crate is in a folder of the project")?;
+    let scratch = tempfile::tempdir()?;
+    let seeds = Seeds { marti, corpus, project, scratch: scratch.path() };
+    seeds.wire()?;
+    seeds.texts()?;
+    seeds.scenes()?;
+    seeds.recordings()?;
+    seeds.journal()?;
+    seeds.keys()
+}
+
+struct Seeds<'a> {
+    marti: &'a Path,
+    corpus: &'a Path,
+    project: &'a Path,
+    scratch: &'a Path,
+}
+
+impl Seeds<'_> {
+    /// Nothing has to be guessed in these but lengths.
+    fn wire(&self) -> Result<()> {
+        for message in 0..20u8 {
+            self.put("messages", &format!("{message}"), &[&[message], &[0; 300]])?;
+        }
+        self.put("frames", "three", &[&[2, 0, 0, 0, 1, 7, 0, 0, 0, 0, 0, 0, 1, 0, 1]])
+    }
+
+    fn texts(&self) -> Result<()> {
+        for entry in fs::read_dir(self.project.join("topologies"))? {
+            let path = entry?.path();
+            let name = path.file_name().ok_or("a file")?.to_string_lossy().into_owned();
+            self.put("topology", &name, &[&fs::read(&path)?, b"\0cluster.nodes=3\0cluster.local_memory.size=1/4"])?;
+        }
+        let hosts = "scene.procedural = 'teapot'\n[cluster]\ncount = 2\nnodes = 2\n[[host]]\nname = 'a'\nbind = '10.0.0.1'\n\
+                     port = 4242\nnodes = 1\n[[host]]\nname = 'b'\nbind = '0.0.0.0'\nadvertise = '10.0.0.2'\n\
+                     launch = ['ssh', '{host}', '{program}']\nclusters = [1]\n[[host]]\nname = 'c'\nlaunch = 'external'\n";
+        self.put("topology", "hosts", &[hosts.as_bytes()])?;
+        let chaos =
+            "kill node@10%; stop bus@30% for 2s; cut node 3@50% for 5s; corrupt node 2@1.5s; random(3 master); seed=7";
+        self.put("chaos", "all", &[chaos.as_bytes()])?;
+        self.put("imports", "csv", &[b"\0address,bytes\n0x10,4\n32,8\n"])?;
+        self.put("imports", "din", &[b"\x010 7fff\n2 10\n1 20 comment\n"])?;
+        self.put("imports", "oracle_general", &[&[2], &[1; 24], &[2; 24]])
+    }
+
+    fn scenes(&self) -> Result<()> {
+        for name in ["tetra:1", "balls:1", "slivers:1", "plane:1"] {
+            let file = self.scratch.join("scene.nff");
+            let (kind, size) = name.split_once(':').ok_or("a kind and a size")?;
+            // Not every kind has such a size.
+            if !self.marti(&["scene", kind, "--size", size, "-o", &file.to_string_lossy()])? {
+                continue;
+            }
+            self.put("nff", name, &[&fs::read(&file)?])?;
+            let database = build_database(&load(&file)?, BuildParameters { leaf_size: 4, max_depth: 3 })?;
+            let database = database.database();
+            let mut counts = Vec::new();
+            for section in Section::ALL {
+                counts.extend(u8::try_from(database.header.layout.span(section).records));
+            }
+            if counts.len() == Section::COUNT {
+                self.put("database", name, &[&counts, &[3], database.bytes()])?;
+            }
+        }
+        let primitives = fs::read(self.project.join("scenes/primitives.nff"))?;
+        self.put("nff", "primitives", &[&primitives])?;
+        let house = fs::read_to_string(self.project.join("scenes/house.obj"))?.replace("house.mtl", "m");
+        self.put("obj", "house", &[house.as_bytes(), &[0], &fs::read(self.project.join("scenes/house.mtl"))?])
+    }
+
+    fn recordings(&self) -> Result<()> {
+        let out = self.scratch.join("out");
+        let topology = self.project.join("topologies/teapot.toml");
+        let (topology, out_text) = (topology.to_string_lossy(), out.to_string_lossy());
+        let small = ["scene.procedural=tetra", "scene.size=2", "image.width=16", "image.height=16", "cluster.nodes=1"];
+        let mut arguments = vec!["run", &topology, "--record", "references", "--out", &out_text];
+        arguments.extend(small.iter().flat_map(|set| ["--set", set]));
+        if !self.marti(&arguments)? {
+            return Err("marti run failed".into());
+        }
+        let read = |name: &str| fs::read(out.join("recording").join(name));
+        self.put("bus_log", "run", &[&read("bus.json")?, &[0], &read("bus.arrows")?])?;
+        let stream = marti::recording::references::file_name(NodeId(0), Epoch(0));
+        self.put("references", "run", &[&read("references.json")?, &[0], &read(&stream)?])?;
+        self.put("report", "run", &[&fs::read(out.join("report.json"))?])
+    }
+
+    /// As the target expects it.
+    fn journal(&self) -> Result<()> {
+        let aov = AovSet { depth: true, normal: false, primitive: false };
+        let tiling = Tiling { width: 5, height: 3, tile_width: 2, tile_height: 2 };
+        let path = self.scratch.join("tiles");
+        let subject = Subject { tiling, aov, fingerprint: [7; 32] };
+        let (mut journal, _) = Journal::open(&path, &subject, RunId(1), false, |_, _| ())?;
+        let source = (NodeId(1), Epoch(0));
+        for tile in 0..4 {
+            let pixels = tiling.rect(TileId(tile)).ok_or("a tile")?.pixel_count();
+            let planes = vec![1; pixels * 16];
+            journal.append(&Record::Pixels { tile: TileId(tile), attempt: Attempt(tile), source, planes: &planes })?;
+        }
+        journal.append(&Record::Revoked { tile: TileId(1), attempt: Attempt(1) })?;
+        self.put("journal", "five", &[&fs::read(&path)?])
+    }
+
+    fn keys(&self) -> Result<()> {
+        let folder = self.scratch.join("keys");
+        if !self.marti(&["keys", "new", &folder.to_string_lossy()])? {
+            return Err("marti keys failed".into());
+        }
+        self.put("keys", "node", &[&fs::read(folder.join("node.pem"))?])?;
+        self.put("keys", "authority", &[&fs::read(folder.join("ca.key"))?])
+    }
+
+    fn put(&self, target: &str, name: &str, parts: &[&[u8]]) -> Result<()> {
+        let folder = self.corpus.join(target);
+        fs::create_dir_all(&folder)?;
+        Ok(fs::write(folder.join(name), parts.concat())?)
+    }
+
+    fn marti(&self, arguments: &[&str]) -> Result<bool> {
+        Ok(Command::new(self.marti).args(arguments).stdout(Stdio::null()).status()?.success())
+    }
+}

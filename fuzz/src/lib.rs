@@ -1,0 +1,93 @@
+//! What several fuzz targets do with bytes: put them into files, trace what came of them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use marti::database::verify::Verified;
+use marti::preparation::{self, Fallback};
+use marti::render::{Kernel, Settings, render};
+use marti::scene::{Camera, Scene};
+use marti::tracer::octree::{BuildParameters, build_database};
+use marti::tracer::simd::Simd;
+use marti::tracer::view::ImageSettings;
+use marti::tracer::wide::WideOctree;
+use marti::tracer::{AovSet, Pixels, View};
+use tempfile::TempDir;
+
+/// A folder of the process; whoever starts it says by TMPDIR where, and removes it.
+pub struct Folder(TempDir);
+
+impl Default for Folder {
+    fn default() -> Self {
+        Self(tempfile::tempdir().expect("TMPDIR is writable"))
+    }
+}
+
+impl Folder {
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// A file in it with these bytes.
+    pub fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.path().join(name);
+        fs::write(&path, bytes).expect("TMPDIR is writable");
+        path
+    }
+}
+
+thread_local! {
+    static FOLDER: Folder = Folder::default();
+}
+
+/// Calls `read` with a file of these bytes.
+pub fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
+    FOLDER.with(|folder| read(&folder.file(name, bytes)))
+}
+
+/// Calls `read` with a folder of these files.
+pub fn with_folder<T>(files: &[(&str, &[u8])], read: impl FnOnce(&Path) -> T) -> T {
+    FOLDER.with(|folder| {
+        files.iter().for_each(|(name, bytes)| drop(folder.file(name, bytes)));
+        read(folder.path())
+    })
+}
+
+/// The part of the input before the first NUL, and what is behind it.
+pub fn split(data: &[u8]) -> (&[u8], &[u8]) {
+    let end = data.iter().position(|byte| *byte == 0).unwrap_or(data.len());
+    (&data[..end], data.get(end + 1..).unwrap_or_default())
+}
+
+/// Some pixels by every kernel, and how many of them were not finite.
+pub fn images(database: &Verified, view: &View) -> Vec<(Pixels, u64)> {
+    let octree = WideOctree::derive(database);
+    let packets = Simd::available().map(|simd| Kernel::Packets(&octree, simd));
+    let kernels = packets.chain([true, false].map(|mailbox| Kernel::Single { mailbox }));
+    let image = |kernel| {
+        let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
+        let rendering = render(database, view, settings, |_| {}).expect("a small image");
+        (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels)
+    };
+    kernels.map(image).collect()
+}
+
+/// Few pixels, two bounces.
+pub const IMAGE: ImageSettings = ImageSettings { width: 8, height: 6, depth: 2, cutoff: 0.0 };
+
+/// What a camera sees of something that brings no view.
+pub fn view_of(camera: Camera) -> View {
+    View { camera, lights: camera.framing_lights().to_vec(), background: Scene::default().background, image: IMAGE }
+}
+
+/// Compiles a scene and traces it; all kernels have to agree bit by bit. Larger ones would only take longer.
+pub fn trace_scene(scene: &Scene) {
+    if scene.primitive_count() > 200 || scene.vertices.len() > 1000 {
+        return;
+    }
+    let Ok(view) = preparation::view(scene, &Fallback::default(), |_| Ok(IMAGE)) else { return };
+    if let Ok(database) = build_database(scene, BuildParameters { leaf_size: 2, max_depth: 6 }) {
+        let images = images(&database, &view);
+        assert!(images.iter().all(|image| *image == images[0]), "another image by another kernel");
+    }
+}
