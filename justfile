@@ -5,10 +5,12 @@ check: fmt clippy test doc deny unused typos
 
 fmt:
     cargo fmt --check
+    cargo fmt --manifest-path fuzz/Cargo.toml --check
 
 clippy:
     cargo clippy --all-targets -- -D warnings
     cargo clippy --all-targets --features exr -- -D warnings
+    cargo clippy --manifest-path fuzz/Cargo.toml --target-dir target -- -D warnings
 
 # The README's second command: the tests use the very binaries that its first one built.
 test:
@@ -30,6 +32,10 @@ typos:
 # Several hosts by network namespaces, ssh, containers and Slurm, for real: what cannot be had here is skipped, loudly.
 engines:
     deploy/test/all
+
+# Every decoder against a fuzzer for ten minutes each: docs/fuzzing.md.
+fuzz:
+    fuzz/run
 
 # Benchmarks, not tests: they print ratios measured side by side.
 bench:

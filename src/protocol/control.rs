@@ -250,6 +250,8 @@ pub enum DisplayCommand {
     Configure(DisplayConfiguration),
     /// What is held of these tiles is wrong: they are to be taken anew. At most [`REVOCATIONS_MAX`].
     Revoke(Vec<Revocation>),
+    /// Which tiles in the frame are this process', of this run?
+    TilesOf(NodeId, Epoch),
     /// Write what there is, whole or partial, and report.
     Finish,
 }
@@ -281,6 +283,8 @@ pub enum DisplayReport {
     Compared(Comparison),
     /// From now on results of these attempts, and of earlier ones, are dropped.
     Revoked(Vec<Revocation>),
+    /// A bit a tile, as in `Restored`, set where that process' pixels are in the frame.
+    TilesOf(NodeId, Epoch, Vec<u8>),
     Finished(DisplayTotals),
     Failed(String),
 }

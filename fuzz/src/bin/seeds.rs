@@ -56,6 +56,17 @@ impl Seeds<'_> {
         let chaos =
             "kill node@10%; stop bus@30% for 2s; cut node 3@50% for 5s; corrupt node 2@1.5s; random(3 master); seed=7";
         self.put("chaos", "all", &[chaos.as_bytes()])?;
+        let lines = [
+            "run t.toml --out o --set cluster.nodes=9 --aov depth,normal --verify --chaos random(3) --listen 1.2.3.4:5",
+            "render teapot:12 -o a.png --size 640x480 --threads 2 --depth 0 --cutoff 0.01 --mailbox off --simd avx2",
+            "replay o --local-memory 1/32..1/4,all --line 16..256 --ways 1..8,full --replacement lru,optimal --nodes 1..64x2",
+            "replay o --clusters 1,2 --tile-order morton --bus-width 1..64 --arbiter fifo,round_robin:4 --format csv",
+            "study sweep t.toml --set a.b=1 --local-memory 1/32..1/4 --nodes 4,9 --timings",
+            "keys new k --days 7",
+        ];
+        for (number, line) in lines.iter().enumerate() {
+            self.put("command_line", &number.to_string(), &[line.replace(' ', "\n").as_bytes()])?;
+        }
         self.put("imports", "csv", &[b"\0address,bytes\n0x10,4\n32,8\n"])?;
         self.put("imports", "din", &[b"\x010 7fff\n2 10\n1 20 comment\n"])?;
         self.put("imports", "oracle_general", &[&[2], &[1; 24], &[2; 24]])

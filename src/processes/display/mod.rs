@@ -149,6 +149,9 @@ impl Shell {
                 command = link.commands.recv() => match command {
                     Some(DisplayCommand::Finish) => return self.write(configuration).await,
                     Some(DisplayCommand::Revoke(wrong)) => self.handle(link, Event::Revoke(wrong)).await?,
+                    Some(DisplayCommand::TilesOf(node, epoch)) => {
+                        self.handle(link, Event::TilesOf((node, epoch))).await?;
+                    }
                     Some(DisplayCommand::Configure(_)) => {
                         self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
                     }

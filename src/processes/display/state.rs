@@ -28,6 +28,8 @@ pub enum Event<'a> {
     },
     /// The manager's: these attempts are wrong.
     Revoke(Vec<Revocation>),
+    /// The manager asks which tiles are this process'.
+    TilesOf(Source),
     /// Somebody was not let in, or spoke nonsense.
     Refused(String),
 }
@@ -86,9 +88,13 @@ impl State {
 
     /// A bit a tile that is in the frame: bit i mod 8 of byte i / 8.
     pub fn restored(&self) -> Vec<u8> {
-        let bits = |tiles: &[Option<Kept>]| {
-            tiles.iter().enumerate().fold(0, |bits, (i, kept)| bits | u8::from(kept.is_some()) << i)
-        };
+        self.bits(|_| true)
+    }
+
+    fn bits(&self, chosen: impl Fn(&Kept) -> bool) -> Vec<u8> {
+        let is_set = |kept: &Option<Kept>| u8::from(kept.as_ref().is_some_and(&chosen));
+        let bits =
+            |tiles: &[Option<Kept>]| tiles.iter().enumerate().fold(0, |bits, (i, kept)| bits | is_set(kept) << i);
         self.kept.chunks(8).map(bits).collect()
     }
 
@@ -119,6 +125,10 @@ impl State {
                 let append = |Revocation { tile, attempt }| Action::Append(Record::Revoked { tile, attempt });
                 let told = Action::Report(DisplayReport::Revoked(revocations));
                 news.into_iter().map(append).chain([told]).collect()
+            }
+            Event::TilesOf((node, epoch)) => {
+                let tiles = self.bits(|kept| (kept.run, kept.source) == (self.run, (node, epoch)));
+                vec![Action::Report(DisplayReport::TilesOf(node, epoch, tiles))]
             }
             Event::Refused(who) => vec![Action::Report(DisplayReport::Incident(who))],
         }

@@ -154,6 +154,26 @@ fn what_is_revoked_is_taken_anew() {
 }
 
 #[test]
+fn it_knows_whose_pixels_are_in_the_frame() {
+    let (mut first, mut journal) = (state(), Journal::default());
+    journal.append(&send(&mut first, SOURCE, 0, 0, &planes(0, 0.5)));
+    journal.append(&send(&mut first, OTHER, 1, 0, &planes(1, 0.5)));
+    journal.append(&send(&mut first, SOURCE, 3, 0, &planes(3, 0.5)));
+    // Compared, and not kept.
+    journal.append(&send(&mut first, SOURCE, 1, 1, &planes(1, 0.5)));
+    let tiles_of = |state: &mut State, (node, epoch): Source, tiles: u8| {
+        let told = DisplayReport::TilesOf(node, epoch, vec![tiles]);
+        assert_eq!(state.handle(Event::TilesOf((node, epoch))), [Action::Report(told)]);
+    };
+    let mut restarted = journal.restored(RUN);
+    for state in [&mut first, &mut restarted] {
+        tiles_of(state, SOURCE, 0b1001);
+        tiles_of(state, OTHER, 0b10);
+    }
+    tiles_of(&mut journal.restored(EARLIER), SOURCE, 0);
+}
+
+#[test]
 fn a_revoked_tile_leaves_no_trace_in_a_partial_image() {
     let mut state = state();
     let empty = self::state().finish().frame;

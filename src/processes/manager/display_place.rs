@@ -27,7 +27,7 @@ impl State {
 
     /// The display has read the journal: a bit a tile.
     pub(super) fn restored(&mut self, tiles: &[u8]) {
-        let has = |tile: TileId| tiles.get(tile.0 as usize / 8).is_some_and(|byte| byte >> (tile.0 % 8) & 1 == 1);
+        let has = |tile| is_set(tiles, tile);
         if self.display.epoch == Epoch(0) {
             self.ledger.resumed = self.queue.resume(has);
             return;
@@ -50,6 +50,8 @@ impl State {
         // What its predecessor was asked, it may not have done.
         let unconfirmed = self.queue.unconfirmed();
         self.tell_to_forget(&unconfirmed);
+        let condemned: Vec<_> = self.verification.condemned().collect();
+        condemned.into_iter().for_each(|process| self.ask_for_tiles_of(process));
         self.ask_for_comparisons();
         self.configure_nodes();
     }
@@ -158,6 +160,23 @@ impl State {
             self.set_aside(node, "it is corrupt");
         }
         self.revoke(&tiles);
+        self.ask_for_tiles_of(process);
+    }
+
+    /// The display may hold a condemned process' pixels of a tile that counts as another one's: a display that died has
+    /// compared the two, and did not tell.
+    fn ask_for_tiles_of(&mut self, (node, epoch): Producer) {
+        self.expect_comparisons();
+        self.tell(self.display_process(), Command::Display(DisplayCommand::TilesOf(node, epoch)));
+    }
+
+    /// The display holds these tiles of a process.
+    pub(super) fn holds_of(&mut self, process: Producer, tiles: &[u8]) {
+        if !matches!(self.phase, Phase::Running) || !self.verification.is_condemned(process) {
+            return;
+        }
+        let tiles: Vec<_> = (0..self.queue.total()).map(TileId).filter(|&tile| is_set(tiles, tile)).collect();
+        self.revoke(&tiles);
     }
 
     /// These tiles are to be done again.
@@ -178,4 +197,9 @@ impl State {
             self.tell(display, Command::Display(DisplayCommand::Revoke(some.to_vec())));
         }
     }
+}
+
+/// Of a bit a tile.
+fn is_set(tiles: &[u8], tile: TileId) -> bool {
+    tiles.get(tile.0 as usize / 8).is_some_and(|byte| byte >> (tile.0 % 8) & 1 == 1)
 }

@@ -197,6 +197,7 @@ impl State {
             DisplayReport::Listening(address) => self.display_listens(id, address),
             DisplayReport::Compared(comparison) => self.compared(&comparison),
             DisplayReport::Revoked(revoked) => self.revoked(&revoked),
+            DisplayReport::TilesOf(node, epoch, tiles) => self.holds_of((node, epoch), &tiles),
             DisplayReport::Finished(totals) => {
                 self.enter(id, Stage::Finished);
                 self.ledger.display = Some(totals);

@@ -188,6 +188,10 @@ impl Verification {
         self.condemned.contains(&process)
     }
 
+    pub(super) fn condemned(&self) -> impl Iterator<Item = Producer> {
+        self.condemned.iter().copied()
+    }
+
     fn chooses(&self, tile: TileId) -> bool {
         // 53 bits, as many as a number between 0 and 1 has.
         let bits = Pcg64::seed_from_u64(self.seed ^ (u64::from(tile.0) << 32)).next_u64() >> 11;

@@ -44,6 +44,20 @@ fn a_corrupt_node_is_found_out_and_its_tiles_are_done_again() {
     let again = granted(&stage.display(DisplayReport::Revoked(revocations)));
     assert_eq!(again.iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(1, 1), (0, 3)]);
     assert!(stage.incidents().iter().any(|text| text.starts_with("node 0 (epoch 0) is corrupt")));
+
+    // A display that died had kept its pixels of tile 2 and compared node 1's with them, which nobody was told.
+    let question = Action::Tell(DISPLAY, Command::Display(DisplayCommand::TilesOf(NodeId(0), Epoch(0))));
+    assert!(actions.contains(&question), "{actions:?}");
+    let missing = stage.state.queue.missing();
+    stage.display(DisplayReport::TilesOf(NodeId(1), Epoch(0), vec![0b10_0000]));
+    assert_eq!(stage.state.queue.missing(), missing, "nothing is wrong with node 1");
+    let actions = stage.display(DisplayReport::TilesOf(NodeId(0), Epoch(0), vec![0b100]));
+    let revocations = vec![revoked(2, 1)];
+    let revoke = Command::Display(DisplayCommand::Revoke(revocations.clone()));
+    assert!(actions.contains(&Action::Tell(DISPLAY, revoke)), "{actions:?}");
+    assert_eq!(stage.state.queue.missing(), missing + 1);
+    let again = granted(&stage.display(DisplayReport::Revoked(revocations)));
+    assert_eq!(again.iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(2, 2)]);
 }
 
 #[test]

@@ -96,6 +96,7 @@ impl Display {
             DisplayCommand::Heartbeat => {}
             DisplayCommand::Configure(configuration) => self.configure(network, journal, &configuration),
             DisplayCommand::Revoke(revocations) => self.handle(network, journal, Event::Revoke(revocations)),
+            DisplayCommand::TilesOf(node, epoch) => self.handle(network, journal, Event::TilesOf((node, epoch))),
             DisplayCommand::Finish => {
                 let Some(state) = self.state.take() else { return network.exit(self.child.me, BADLY) };
                 for (wire, _) in std::mem::take(&mut self.peers).into_values() {
