@@ -29,6 +29,7 @@ fn main() -> ExitCode {
     }
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let folder = options.folder.as_deref().unwrap_or(temporary.path());
+    fs::create_dir_all(folder).expect("a folder for output");
     let network = options.namespaces.then(|| Network::new(temporary.path()));
     let mut rows = File::create(&options.csv).expect("a writable file of rows");
     writeln!(rows, "{}", Outcome::COLUMNS).expect("written");

@@ -52,13 +52,13 @@ use super::token;
 use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
-use crate::preparation::{PreparationError, Prepared, prepare_topology};
+use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
 use crate::topology::{Cluster, MemorySize, Placement, Topology};
-use crate::tracer::{AovSet, Tiling};
+use crate::tracer::{AovSet, Tiling, View};
 
 /// More tiles than this are refused: each takes some 16 bytes here.
 const TILES_MAX: u64 = 1 << 24;
@@ -223,7 +223,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
-    let fingerprint = fingerprint(&prepared);
+    let scene_sha256 = Sha256::digest(database.bytes()).into();
+    let fingerprint = fingerprint(&scene_sha256, &prepared.view);
     let aov = if request.resume {
         // What an interrupted run has begun to hold is held to the end.
         let journal = output_folder::journal(out);
@@ -277,7 +278,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
-    let recorded = request.record_references.then(|| recorded::seal(topology, &prepared, tiling, local_bytes));
+    let recorded =
+        request.record_references.then(|| recorded::seal(topology, &prepared, &scene_sha256, tiling, local_bytes));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
@@ -321,11 +323,11 @@ fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunErr
     Ok(Tiling { width, height, tile_width, tile_height })
 }
 
-/// SHA-256 of all that decides the image's bits: the database, the view and its settings.
-fn fingerprint(prepared: &Prepared) -> [u8; 32] {
+/// SHA-256 of all that decides the image's bits: the database, by its own, the view and its settings.
+fn fingerprint(scene_sha256: &[u8; 32], view: &View) -> [u8; 32] {
     let mut hash = Sha256::new();
-    hash.update(prepared.database.database().bytes());
-    hash.update(format!("{:?}", prepared.view));
+    hash.update(scene_sha256);
+    hash.update(format!("{view:?}"));
     hash.finalize().into()
 }
 

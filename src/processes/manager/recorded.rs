@@ -4,8 +4,6 @@
 use std::io;
 use std::path::Path;
 
-use sha2::{Digest, Sha256};
-
 use super::state::State;
 use crate::ids::NodeId;
 use crate::machine::stats::MemoryStats;
@@ -17,14 +15,20 @@ use crate::topology::Topology;
 use crate::tracer::Tiling;
 
 /// What is known of a recording before the run begins.
-pub(super) fn seal(topology: &Topology, prepared: &Prepared, tiling: Tiling, local_bytes: u64) -> Seal {
+pub(super) fn seal(
+    topology: &Topology,
+    prepared: &Prepared,
+    scene_sha256: &[u8; 32],
+    tiling: Tiling,
+    local_bytes: u64,
+) -> Seal {
     let database = prepared.database.database();
     Seal {
         topology: topology.clone(),
         layout: database.header.layout.clone(),
         tiling,
         octree_levels: octree_levels(&prepared.database),
-        scene_sha256: Sha256::digest(database.bytes()).iter().map(|byte| format!("{byte:02x}")).collect(),
+        scene_sha256: scene_sha256.iter().map(|byte| format!("{byte:02x}")).collect(),
         local_bytes,
     }
 }
