@@ -34,7 +34,7 @@ impl Outcome {
             network.cuts,
             network.longest_wait.as_secs_f64(),
             chaos["schedule"].as_str().unwrap_or(&trial.chaos),
-            trial.command_line(),
+            trial.command_line().replace('"', "\"\""),
         )
     }
 }

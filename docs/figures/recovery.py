@@ -10,7 +10,7 @@ import statistics
 
 HERE = pathlib.Path(__file__).parent
 COLOURS = {"kill": "#c0392b", "stop": "#d68910", "cut": "#7d3c98", "corrupt": "#16a085", "link": "#1f4e79"}
-WIDTH, ROW, LEFT, TOP, LEAST, MOST = 900, 24, 150, 44, 0.001, 10.0
+WIDTH, ROW, LEFT, TOP, LEAST, MOST = 900, 24, 170, 44, 0.001, 10.0
 
 waits = {}
 for name in ("chaos.csv", "chaos-namespaces.csv"):
@@ -18,7 +18,7 @@ for name in ("chaos.csv", "chaos-namespaces.csv"):
         for row in csv.DictReader(file):
             assert row["verdict"] == "good", row
             if int(row["link_cuts"]) == 1 and not row["chaos"]:
-                waits.setdefault("link of a host down", []).append(float(row["longest_wait_in_journal_seconds"]))
+                waits.setdefault("link down", []).append(float(row["longest_wait_in_journal_seconds"]))
             elif row["link_cuts"] == "0" and row["faults"] == "1" and ";" not in row["chaos"]:
                 words = row["chaos"].replace("@", " ").split()
                 waits.setdefault(f"{words[0]} {words[1]}", []).append(float(row["longest_wait_seconds"]))
