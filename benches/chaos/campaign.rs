@@ -13,7 +13,7 @@ pub(crate) struct Outcome {
     pub(crate) seconds: f64,
     pub(crate) report: Value,
     /// By the links' cuts.
-    pub(crate) network: Disturbed,
+    pub(crate) disturbed: Disturbed,
 }
 
 impl Outcome {
@@ -21,7 +21,7 @@ impl Outcome {
                                       longest_wait_in_journal_seconds,books,chaos,command";
 
     pub(crate) fn row(&self, trial: &Trial) -> String {
-        let Self { verdict, seconds, report, network, .. } = self;
+        let Self { verdict, seconds, report, disturbed, .. } = self;
         let exit = self.exit.map_or_else(String::new, |code| code.to_string());
         let (tiles, chaos, holds) = (&report["tiles"], &report["chaos"], &report["conservation"]["holds"]);
         let wait = chaos["longest_wait_seconds"].as_f64().unwrap_or_default();
@@ -31,8 +31,8 @@ impl Outcome {
             tiles["done"],
             tiles["reissued"],
             chaos["carried_out"],
-            network.cuts,
-            network.longest_wait.as_secs_f64(),
+            disturbed.cuts,
+            disturbed.longest_wait.as_secs_f64(),
             chaos["schedule"].as_str().unwrap_or(&trial.chaos),
             trial.command_line().replace('"', "\"\""),
         )
@@ -61,9 +61,9 @@ impl Campaign {
         let carried_out = chaos["carried_out"].as_u64().unwrap_or_default();
         self.faults += carried_out;
         self.without_books += usize::from(books.is_null());
-        self.link_cuts += outcome.network.cuts;
-        if outcome.network.cuts > 0 {
-            let wait = outcome.network.longest_wait.as_secs_f64();
+        self.link_cuts += outcome.disturbed.cuts;
+        if outcome.disturbed.cuts > 0 {
+            let wait = outcome.disturbed.longest_wait.as_secs_f64();
             self.waits_in_journal.push((wait, trial.number));
             if trial.chaos.is_empty() && trial.cuts().len() == 1 {
                 self.waits.entry(format!("link of host {}", trial.cuts()[0].host)).or_default().push(wait);
@@ -73,7 +73,7 @@ impl Campaign {
             return;
         };
         self.all_waits.push((wait, trial.number));
-        if carried_out == 1 && !schedule.contains(';') && outcome.network.cuts == 0 {
+        if carried_out == 1 && !schedule.contains(';') && outcome.disturbed.cuts == 0 {
             // "kill node 3@10% …"
             let done_to = schedule.split([' ', '@']).take(2).collect::<Vec<_>>().join(" ");
             self.waits.entry(done_to).or_default().push(wait);

@@ -121,7 +121,7 @@ impl Trial {
         }
         let start = Instant::now();
         let process = command.spawn().expect("marti can be started");
-        let (exit, network) = match (network, &self.hosts) {
+        let (exit, disturbed) = match (network, &self.hosts) {
             (Some(network), Some((spread, cuts))) => self.watch(process, network, spread, cuts, &out.join("tiles")),
             _ => (end_of(process, PATIENCE), Disturbed::default()),
         };
@@ -139,7 +139,7 @@ impl Trial {
             _ if report["conservation"]["holds"] == false => "books do not balance",
             _ => "good",
         };
-        Outcome { verdict, exit: exit.flatten(), seconds, report, network }
+        Outcome { verdict, exit: exit.flatten(), seconds, report, disturbed }
     }
 
     /// Cuts links until the run is over.

@@ -1,7 +1,7 @@
 //! What several fuzz targets do with bytes: put them into files, trace what came of them.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use marti::database::verify::Verified;
 use marti::preparation::{self, Fallback};
@@ -14,43 +14,24 @@ use marti::tracer::wide::WideOctree;
 use marti::tracer::{AovSet, Pixels, View};
 use tempfile::TempDir;
 
-/// A folder of the process; whoever starts it says by TMPDIR where, and removes it.
-pub struct Folder(TempDir);
-
-impl Default for Folder {
-    fn default() -> Self {
-        Self(tempfile::tempdir().expect("TMPDIR is writable"))
-    }
-}
-
-impl Folder {
-    pub fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    /// A file in it with these bytes.
-    pub fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.path().join(name);
-        fs::write(&path, bytes).expect("TMPDIR is writable");
-        path
-    }
-}
-
 thread_local! {
-    static FOLDER: Folder = Folder::default();
-}
-
-/// Calls `read` with a file of these bytes.
-pub fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
-    FOLDER.with(|folder| read(&folder.file(name, bytes)))
+    /// Whoever starts the process says by TMPDIR where it is, and removes it.
+    static FOLDER: TempDir = tempfile::tempdir().expect("TMPDIR is writable");
 }
 
 /// Calls `read` with a folder of these files.
 pub fn with_folder<T>(files: &[(&str, &[u8])], read: impl FnOnce(&Path) -> T) -> T {
     FOLDER.with(|folder| {
-        files.iter().for_each(|(name, bytes)| drop(folder.file(name, bytes)));
+        for (name, bytes) in files {
+            fs::write(folder.path().join(name), bytes).expect("TMPDIR is writable");
+        }
         read(folder.path())
     })
+}
+
+/// Calls `read` with a file of these bytes.
+pub fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
+    with_folder(&[(name, bytes)], |folder| read(&folder.join(name)))
 }
 
 /// The part of the input before the first NUL, and what is behind it.
