@@ -217,6 +217,7 @@ mod tests {
     use crate::machine::stats::MemoryStats;
     use crate::protocol::control::LostAttempt;
     use crate::protocol::hello::{Role, RunToken};
+    use crate::protocol::mac::Mac;
     use crate::protocol::work::TileDone;
     use crate::tracer::TraceStats;
 
@@ -259,8 +260,8 @@ mod tests {
         round_trip(fetch(), &[]);
         round_trip(MemoryRequest::Store { address: Address(256) }, &[1, 2, 3]);
         round_trip(MemoryReply::Data { bytes: 3 }, &[1, 2, 3]);
-        round_trip(TilePixels { tile: TileId(1), attempt: Attempt(0), crc32c: 7 }, &[5; 300]);
-        round_trip(WorkRequest::Done(Box::new(tile_done())), &[]);
+        round_trip(TilePixels { tile: TileId(1), attempt: Attempt(0), permit: Mac::default(), crc32c: 7 }, &[5; 300]);
+        round_trip(WorkRequest::Done { done: Box::new(tile_done()), receipt: Mac::default() }, &[]);
         let lost = LostAttempt { tile: TileId(2), attempt: Attempt(3) };
         round_trip(BusCommand::Finish { lost: vec![lost; 1000] }, &[]);
     }

@@ -48,3 +48,28 @@ impl Epoch {
     /// Of a process that has no place yet and asks for one.
     pub const JOINING: Self = Self(u32::MAX);
 }
+
+/// A run. Epochs and attempts of two runs have nothing to do with each other.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct RunId(pub u64);
+
+impl fmt::Display for RunId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "run {:016x}", self.0)
+    }
+}
+
+/// The process that traced a tile.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
+pub struct Producer {
+    pub run: RunId,
+    pub node: NodeId,
+    pub epoch: Epoch,
+}
+
+impl fmt::Display for Producer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.node, self.epoch)
+    }
+}

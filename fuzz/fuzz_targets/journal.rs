@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::ids::{Attempt, TileId};
-use marti::journal::{Journal, Next, Reader, Record, RunId, Start, Subject};
+use marti::ids::Producer;
+use marti::journal::{Journal, Next, Reader, Record, Start, Subject};
 use marti::tracer::{AovSet, Tiling};
 use marti_fuzz::with_file;
 
@@ -22,7 +22,7 @@ fn read(bytes: &[u8]) -> Option<(usize, bool)> {
     let mut records = 0;
     loop {
         match reader.next_record().expect("bytes can be read") {
-            Next::Record(..) => records += 1,
+            Next::Record(_) => records += 1,
             Next::End => return Some((records, true)),
             Next::Damaged(_) => return Some((records, false)),
         }
@@ -34,11 +34,11 @@ fuzz_target!(|data: &[u8]| {
     with_file("tiles", data, |path| {
         let _ = Journal::planes(path);
         let mut restored = 0;
-        let opened = Journal::open(path, &SUBJECT, RunId(9), true, |_, _| restored += 1);
+        let opened = Journal::open(path, &SUBJECT, true, |_| restored += 1);
         assert_eq!(opened.is_ok(), found.is_some());
         let (Ok((mut journal, _)), Some((records, _))) = (opened, found) else { return };
         assert_eq!(restored, records);
-        journal.append(&Record::Revoked { tile: TileId(1), attempt: Attempt(2) }).expect("TMPDIR is writable");
+        journal.append(&Record::Condemned(Producer::default())).expect("TMPDIR is writable");
         let bytes = std::fs::read(path).expect("it is there");
         assert_eq!(read(&bytes), Some((records + 1, true)), "what was cut and appended to is whole");
     });

@@ -106,6 +106,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
     match outcome.end {
         RunEnd::Done => Ok(()),
+        RunEnd::Failed(why) => Err(Failure::failed(why)),
         RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
         RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
         RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),

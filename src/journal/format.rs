@@ -2,11 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::tracer::{AovSet, Tiling};
 
 /// Raised with every change of what follows.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 pub(super) const MAGIC: [u8; 8] = *b"marti\0jl";
 
 /// What a journal is of: one of anything else is refused.
@@ -18,16 +18,12 @@ pub struct Subject {
     pub fingerprint: [u8; 32],
 }
 
-/// Which run appended a record. Attempts and epochs of two runs cannot be compared.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub struct RunId(pub u64);
-
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Record<'a> {
     /// A tile's planes, as [`crate::tracer::Pixels::write_bytes`] lays them out.
-    Pixels { tile: TileId, attempt: Attempt, source: (NodeId, Epoch), planes: &'a [u8] },
-    /// What stands above of this tile does not count: of the same run, up to this attempt; of earlier ones, all.
-    Revoked { tile: TileId, attempt: Attempt },
+    Pixels { tile: TileId, attempt: Attempt, producer: Producer, planes: &'a [u8] },
+    /// The process is wrong: no tile of it counts, wherever its record is.
+    Condemned(Producer),
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -83,7 +79,7 @@ impl Header {
 }
 
 const PIXELS: u8 = 1;
-const REVOKED: u8 = 2;
+const CONDEMNED: u8 = 3;
 
 /// A record without its payload.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -106,28 +102,24 @@ impl Head {
     pub(super) const BYTES: usize = size_of::<Self>();
 
     /// The head of a record, and its payload; `None` when the payload is longer than a head can say.
-    pub(super) fn of<'a>(run: RunId, record: &Record<'a>) -> Option<(Self, &'a [u8])> {
-        let (kind, tile, attempt, (node, epoch), payload) = match *record {
-            Record::Pixels { tile, attempt, source, planes } => (PIXELS, tile, attempt, source, planes),
-            Record::Revoked { tile, attempt } => (REVOKED, tile, attempt, Default::default(), &[][..]),
+    pub(super) fn of<'a>(record: &Record<'a>) -> Option<(Self, &'a [u8])> {
+        let (kind, tile, attempt, producer, payload) = match *record {
+            Record::Pixels { tile, attempt, producer, planes } => (PIXELS, tile, attempt, producer, planes),
+            Record::Condemned(producer) => (CONDEMNED, TileId(0), Attempt(0), producer, &[][..]),
         };
         let mut head = Self {
             crc32c: 0,
             tile: tile.0,
             attempt: attempt.0,
-            epoch: epoch.0,
-            node: node.0,
+            epoch: producer.epoch.0,
+            node: producer.node.0,
             kind,
             zero: 0,
             length: u32::try_from(payload.len()).ok()?,
-            run: run.0,
+            run: producer.run.0,
         };
         head.crc32c = head.checksum(payload);
         Some((head, payload))
-    }
-
-    pub(super) fn run(&self) -> RunId {
-        RunId(self.run)
     }
 
     pub(super) fn has_pixels(&self) -> bool {
@@ -141,10 +133,10 @@ impl Head {
     /// `None`: of no known kind.
     pub(super) fn record<'a>(&self, payload: &'a [u8]) -> Option<Record<'a>> {
         let (tile, attempt) = (TileId(self.tile), Attempt(self.attempt));
-        let source = (NodeId(self.node), Epoch(self.epoch));
+        let producer = Producer { run: RunId(self.run), node: NodeId(self.node), epoch: Epoch(self.epoch) };
         match self.kind {
-            PIXELS => Some(Record::Pixels { tile, attempt, source, planes: payload }),
-            REVOKED => Some(Record::Revoked { tile, attempt }),
+            PIXELS => Some(Record::Pixels { tile, attempt, producer, planes: payload }),
+            CONDEMNED => Some(Record::Condemned(producer)),
             _ => None,
         }
     }

@@ -8,7 +8,7 @@ mod format;
 mod reader;
 mod writer;
 
-pub use format::{FORMAT_VERSION, Record, RunId, Subject};
+pub use format::{FORMAT_VERSION, Record, Subject};
 pub use reader::{HeaderFault, Next, Reader, Start};
 pub use writer::{Journal, JournalError};
 

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 
 use bytemuck::Zeroable;
 
-use super::format::{FORMAT_VERSION, Head, Header, MAGIC, Record, RunId, Subject};
+use super::format::{FORMAT_VERSION, Head, Header, MAGIC, Record, Subject};
 use crate::ids::TileId;
 use crate::tracer::{Pixels, Tiling};
 
@@ -35,7 +35,7 @@ pub enum HeaderFault {
 /// What comes after the last record.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Next<'a> {
-    Record(RunId, Record<'a>),
+    Record(Record<'a>),
     /// The journal is whole.
     End,
     /// Nothing from here on can be used, because of this.
@@ -107,7 +107,7 @@ impl<R: Read> Reader<R> {
         match head.record(&self.planes) {
             Some(record) if head.is_sound(&self.planes) => {
                 self.offset += (Head::BYTES + bytes) as u64;
-                Ok(Next::Record(head.run(), record))
+                Ok(Next::Record(record))
             }
             _ => Ok(Next::Damaged("a record's checksum is wrong")),
         }

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 
 use super::*;
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::tracer::{AovSet, Pixels, Tiling};
 
 /// Three columns, two rows; the tiles on the edges are smaller.
@@ -20,21 +20,26 @@ const RUN: RunId = RunId(0x0123_4567_89ab_cdef);
 const HEADER_BYTES: usize = 68;
 const HEAD_BYTES: usize = 32;
 
-/// A record that owns its planes; `None`: revoked.
+/// A record that owns its planes; `None`: condemned, by its node and its epoch.
 type Owned = (u32, u32, Option<Vec<u8>>);
 
 fn owned(record: &Record) -> Owned {
     match *record {
         Record::Pixels { tile, attempt, planes, .. } => (tile.0, attempt.0, Some(planes.to_vec())),
-        Record::Revoked { tile, attempt } => (tile.0, attempt.0, None),
+        Record::Condemned(Producer { run, node, epoch }) => {
+            assert_eq!(run, RUN);
+            (node.0.into(), epoch.0, None)
+        }
     }
 }
 
 fn borrowed((tile, attempt, planes): &Owned) -> Record<'_> {
-    let (tile, attempt) = (TileId(*tile), Attempt(*attempt));
     match planes {
-        Some(planes) => Record::Pixels { tile, attempt, source: (NodeId(3), Epoch(1)), planes },
-        None => Record::Revoked { tile, attempt },
+        Some(planes) => {
+            let producer = Producer { run: RUN, node: NodeId(3), epoch: Epoch(1) };
+            Record::Pixels { tile: TileId(*tile), attempt: Attempt(*attempt), producer, planes }
+        }
+        None => Record::Condemned(Producer { run: RUN, node: NodeId(*tile as u16), epoch: Epoch(*attempt) }),
     }
 }
 
@@ -66,16 +71,12 @@ fn folder_and_file() -> (TempDir, PathBuf) {
 /// Opens, and tells what was there and what is said.
 fn resumed(path: &Path) -> Result<(Journal, Vec<Owned>, Option<String>), JournalError> {
     let mut found = Vec::new();
-    let (journal, said) = Journal::open(path, &SUBJECT, RUN, true, |run, record| {
-        assert_eq!(run, RUN);
-        found.push(owned(record));
-    })?;
+    let (journal, said) = Journal::open(path, &SUBJECT, true, |record| found.push(owned(record)))?;
     Ok((journal, found, said))
 }
 
 fn written(path: &Path, records: &[Owned]) -> Vec<u8> {
-    let (mut journal, said) =
-        Journal::open(path, &SUBJECT, RUN, false, |_, _| panic!("starts over")).expect("a new journal");
+    let (mut journal, said) = Journal::open(path, &SUBJECT, false, |_| panic!("starts over")).expect("a new journal");
     assert_eq!(said, None);
     records.iter().for_each(|record| journal.append(&borrowed(record)).expect("room"));
     fs::read(path).expect("written")
@@ -105,7 +106,7 @@ fn the_bytes_are_those_of_the_documentation() {
     let (_folder, path) = folder_and_file();
     let bytes = written(&path, &[pixels(1, 2)]);
     assert_eq!(bytes.len(), HEADER_BYTES + HEAD_BYTES + 9 * 16);
-    assert_eq!(&bytes[..12], b"marti\0jl\x01\0\0\0");
+    assert_eq!(&bytes[..12], b"marti\0jl\x02\0\0\0");
     let words = |at: usize, count: usize| -> Vec<u32> {
         let words = bytes[at..at + 4 * count].chunks_exact(4);
         words.map(|word| u32::from_le_bytes(word.try_into().expect("four"))).collect()
@@ -138,7 +139,7 @@ fn nothing_or_half_a_header_starts_over() {
 #[test]
 fn a_journal_of_something_else_is_refused_and_left_alone() {
     let (_folder, path) = folder_and_file();
-    let open = |subject: Subject| drop(Journal::open(&path, &subject, RUN, false, |_, _| ()).expect("starts over"));
+    let open = |subject: Subject| drop(Journal::open(&path, &subject, false, |_| ()).expect("starts over"));
     open(Subject { fingerprint: [8; 32], ..SUBJECT });
     assert!(refusal(&path).ends_with("the fingerprint 0808080808080808…, expected 0707070707070707…"));
     open(Subject { tiling: Tiling { tile_width: 4, ..TILING }, ..SUBJECT });
@@ -149,10 +150,10 @@ fn a_journal_of_something_else_is_refused_and_left_alone() {
     let mut bytes = written(&path, &[]);
     bytes[8] = 9;
     fs::write(&path, &bytes).expect("writable");
-    assert!(refusal(&path).ends_with("is a journal of version 9, expected 1"));
+    assert!(refusal(&path).ends_with("is a journal of version 9, expected 2"));
     fs::write(&path, "my own notes").expect("writable");
     assert!(refusal(&path).contains("no journal of tiles"));
-    assert!(Journal::open(&path, &SUBJECT, RUN, false, |_, _| ()).is_err(), "no notes are overwritten");
+    assert!(Journal::open(&path, &SUBJECT, false, |_| ()).is_err(), "no notes are overwritten");
     assert_eq!(fs::read(&path).expect("still there"), b"my own notes");
 }
 

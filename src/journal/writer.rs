@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::format::{Head, Header, Record, RunId, Subject};
+use super::format::{Head, Header, Record, Subject};
 use super::reader::{self, HeaderFault, Next, Reader, Start};
 use crate::tracer::AovSet;
 
@@ -19,7 +19,6 @@ const LOCK_PAUSE: Duration = Duration::from_millis(20);
 pub struct Journal {
     path: PathBuf,
     file: File,
-    run: RunId,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -44,9 +43,8 @@ impl Journal {
     pub fn open(
         path: &Path,
         subject: &Subject,
-        run: RunId,
         resume: bool,
-        restore: impl FnMut(RunId, &Record),
+        restore: impl FnMut(&Record),
     ) -> Result<(Self, Option<String>), JournalError> {
         let named = |error| JournalError::Io { path: path.to_owned(), error };
         let file = File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(named)?;
@@ -55,7 +53,7 @@ impl Journal {
         }
         let (kept, damage) = read(&file, subject, resume, restore)
             .map_err(|fault| JournalError::Header { path: path.to_owned(), fault })?;
-        let mut journal = Self { path: path.to_owned(), file, run };
+        let mut journal = Self { path: path.to_owned(), file };
         let dropped = journal.begin(kept, subject).map_err(named)?;
         let incident = damage.filter(|_| dropped > 0).map(|why| {
             let path = path.display();
@@ -88,7 +86,7 @@ impl Journal {
     /// # Errors
     /// The file cannot be written: the disk is full, as a rule.
     pub fn append(&mut self, record: &Record) -> Result<(), JournalError> {
-        let written = match Head::of(self.run, record) {
+        let written = match Head::of(record) {
             Some((head, payload)) => write_together(&mut self.file, bytemuck::bytes_of(&head), payload),
             None => Err(io::Error::other("a tile of more than 4 GiB")),
         };
@@ -97,7 +95,7 @@ impl Journal {
 
     #[cfg(test)]
     pub(super) fn of_file(path: &str, file: File) -> Self {
-        Self { path: path.into(), file, run: RunId(0) }
+        Self { path: path.into(), file }
     }
 
     /// Cuts off what is not kept, of which there were so many bytes, and stands behind the rest.
@@ -117,7 +115,7 @@ fn read(
     file: &File,
     subject: &Subject,
     resume: bool,
-    mut restore: impl FnMut(RunId, &Record),
+    mut restore: impl FnMut(&Record),
 ) -> Result<(u64, Option<&'static str>), HeaderFault> {
     let mut reader = Reader::new(BufReader::with_capacity(1 << 18, file), *subject);
     match reader.start() {
@@ -130,7 +128,7 @@ fn read(
     }
     loop {
         match reader.next_record()? {
-            Next::Record(run, record) => restore(run, &record),
+            Next::Record(record) => restore(&record),
             Next::End => return Ok((reader.offset(), None)),
             Next::Damaged(why) => return Ok((reader.offset(), Some(why))),
         }

@@ -232,7 +232,10 @@ impl Bus {
                 self.stats.writes += 1;
                 self.stats.written_bytes += bytes;
             }
-            (Request::Job { .. } | Request::Pixels { .. }, _) => self.stats.message_bytes += bytes,
+            // Their sender says how many.
+            (Request::Job { .. } | Request::Pixels { .. }, _) => {
+                self.stats.message_bytes = self.stats.message_bytes.saturating_add(bytes);
+            }
         }
     }
 }

@@ -37,11 +37,12 @@ pub struct Counters {
 }
 
 impl Counters {
+    /// No sum wraps, whatever the counts.
     pub fn add(&mut self, other: &Self) {
-        self.record_accesses += other.record_accesses;
-        self.record_misses += other.record_misses;
-        self.line_accesses += other.line_accesses;
-        self.line_misses += other.line_misses;
+        self.record_accesses = self.record_accesses.saturating_add(other.record_accesses);
+        self.record_misses = self.record_misses.saturating_add(other.record_misses);
+        self.line_accesses = self.line_accesses.saturating_add(other.line_accesses);
+        self.line_misses = self.line_misses.saturating_add(other.line_misses);
     }
 
     pub fn record_hits(&self) -> u64 {
@@ -68,7 +69,7 @@ impl MemoryStats {
         for (mine, others) in self.counters.as_flattened_mut().iter_mut().zip(other.counters.as_flattened()) {
             mine.add(others);
         }
-        self.stall_nanoseconds += other.stall_nanoseconds;
+        self.stall_nanoseconds = self.stall_nanoseconds.saturating_add(other.stall_nanoseconds);
     }
 
     pub fn total(&self) -> Counters {
@@ -88,11 +89,13 @@ impl MemoryStats {
     /// 32-bit words that the tracer read: every record access reads the whole record.
     pub fn words_read(&self) -> u64 {
         let words = |class: usize| class_section(class).record_bytes() / 4;
-        self.counters.iter().flat_map(|kinds| kinds.iter().enumerate()).map(|(k, c)| c.record_accesses * words(k)).sum()
+        let classes = self.counters.iter().flat_map(|kinds| kinds.iter().enumerate());
+        let read = classes.map(|(class, counters)| counters.record_accesses.saturating_mul(words(class)));
+        read.fold(0, u64::saturating_add)
     }
 
     /// 32-bit words that came over the bus, for lines of so many bytes.
     pub fn words_moved(&self, line_bytes: u32) -> u64 {
-        self.total().line_misses * u64::from(line_bytes) / 4
+        self.total().line_misses.saturating_mul(u64::from(line_bytes)) / 4
     }
 }

@@ -15,9 +15,15 @@ const BYTES_MAX: u64 = 256;
 /// # Errors
 /// The system has no random numbers.
 pub fn random() -> io::Result<RunToken> {
+    random_bytes().map(RunToken::new)
+}
+
+/// # Errors
+/// The system has no random numbers.
+pub fn random_bytes() -> io::Result<[u8; 32]> {
     let mut bytes = [0; 32];
     getrandom::fill(&mut bytes).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(RunToken::new(bytes))
+    Ok(bytes)
 }
 
 /// Writes a new file that only its owner can read, in the place of an earlier one.

@@ -7,10 +7,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::hello::{Role, RunToken};
+use super::mac::MacKey;
 use super::work::TileDone;
 use crate::codec::Message;
 use crate::database::{Header, Layout};
-use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, ClusterId, Epoch, NodeId, Producer, TileId};
 use crate::keys::Identity;
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
 use crate::tracer::simd::Simd;
@@ -150,6 +151,8 @@ pub struct MasterConfiguration {
     pub assignment: Assignment,
     /// A tile not acknowledged for so long is reported as late.
     pub tile_deadline_milliseconds: u64,
+    /// For permits, and to check receipts.
+    pub key: MacKey,
 }
 
 /// Master to manager.
@@ -174,6 +177,12 @@ pub enum MasterReport {
     Lost(Vec<LostAttempt>),
     /// None of the cluster's nodes can take these grants.
     Returned(Vec<(TileId, Attempt)>),
+    /// The process reported a tile without the display's receipt.
+    Forged {
+        node: NodeId,
+        epoch: Epoch,
+        tile: TileId,
+    },
     /// The tile deadline passed: the node is to be killed.
     Late {
         node: NodeId,
@@ -248,10 +257,12 @@ pub struct Packets {
 pub enum DisplayCommand {
     Heartbeat,
     Configure(DisplayConfiguration),
-    /// What is held of these tiles is wrong: they are to be taken anew. At most [`REVOCATIONS_MAX`].
-    Revoke(Vec<Revocation>),
-    /// Which tiles in the frame are this process', of this run?
-    TilesOf(NodeId, Epoch),
+    /// All tiles of this process are wrong, those in the frame and those that arrive later.
+    Condemn(Producer),
+    /// Answered by [`DisplayReport::Holdings`] of the same number, after everything that came of what had arrived before.
+    TellHoldings {
+        question: u32,
+    },
     /// Write what there is, whole or partial, and report.
     Finish,
 }
@@ -266,6 +277,8 @@ pub struct DisplayConfiguration {
     pub resume: bool,
     /// Of scene and image settings: a journal of others is refused.
     pub fingerprint: [u8; 32],
+    /// To check permits, and for receipts.
+    pub key: MacKey,
     /// The image file, ending in `.png`; the others stand beside it under the same stem.
     pub image: PathBuf,
     pub exr: bool,
@@ -274,29 +287,74 @@ pub struct DisplayConfiguration {
 /// Display to manager.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayReport {
-    /// Told before it listens: a bit a tile, set where the journal has it; bit i mod 8 of byte i / 8.
-    Restored(Vec<u8>),
+    /// Told before it listens: what it has from the journal.
+    Restored(Holdings),
     Listening(SocketAddr),
     Heartbeat,
     Incident(String),
     /// A later result of a tile that was there already was held against it.
     Compared(Comparison),
-    /// From now on results of these attempts, and of earlier ones, are dropped.
-    Revoked(Vec<Revocation>),
-    /// A bit a tile, as in `Restored`, set where that process' pixels are in the frame.
-    TilesOf(NodeId, Epoch, Vec<u8>),
+    /// The process sent what it was not permitted to, or what no tracer computes.
+    Forged {
+        node: NodeId,
+        epoch: Epoch,
+        why: String,
+    },
+    /// The frame has no tile of this process any more, and takes none. The tiles that it had.
+    Condemned(Producer, TileSet),
+    Holdings {
+        question: u32,
+        holdings: Holdings,
+    },
     Finished(DisplayTotals),
     Failed(String),
 }
 
-/// Most of them in one message.
-pub const REVOCATIONS_MAX: usize = 4096;
+/// A bit a tile: bit i mod 8 of byte i / 8. Tiles beyond its bytes are not in it.
+#[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct TileSet(Vec<u8>);
 
-/// A tile, and the last of its attempts that is not to be taken.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
-pub struct Revocation {
-    pub tile: TileId,
-    pub attempt: Attempt,
+impl TileSet {
+    pub fn contains(&self, tile: TileId) -> bool {
+        self.0.get(tile.0 as usize / 8).is_some_and(|byte| byte >> (tile.0 % 8) & 1 == 1)
+    }
+}
+
+/// Of all tiles from the first on, those that are marked.
+impl FromIterator<bool> for TileSet {
+    fn from_iter<I: IntoIterator<Item = bool>>(marks: I) -> Self {
+        let mut bytes = Vec::new();
+        for (i, mark) in marks.into_iter().enumerate() {
+            if i % 8 == 0 {
+                bytes.push(0);
+            }
+            if let Some(byte) = bytes.last_mut() {
+                *byte |= u8::from(mark) << (i % 8);
+            }
+        }
+        Self(bytes)
+    }
+}
+
+/// What is in the frame, and whose it is.
+#[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+pub struct Holdings {
+    pub tiles: TileSet,
+    /// At most [`PRODUCERS_MAX`].
+    pub shares: Vec<Share>,
+}
+
+/// Most processes of one image, those of earlier runs included.
+pub const PRODUCERS_MAX: usize = 1 << 16;
+
+/// The tiles of one process in the frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Share {
+    pub producer: Producer,
+    pub tiles: u32,
+    /// The one that came last.
+    pub latest: TileId,
 }
 
 /// Two results of one tile, compared byte for byte.
@@ -311,9 +369,7 @@ pub struct Comparison {
 /// A tile's pixels, and where they come from.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TileResult {
-    pub attempt: Attempt,
-    /// `None`: of an earlier run, from its journal; the attempt counts for nothing then.
-    pub source: Option<(NodeId, Epoch)>,
+    pub producer: Producer,
     /// SHA-256 of the bytes.
     pub digest: [u8; 32],
 }

@@ -5,11 +5,11 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, NodeId, RunId};
 use crate::keys::RoleKind;
 
 /// Raised with every change of a message.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 pub const MAGIC: [u8; 8] = *b"marti\0\r\n";
 /// Until a peer is known, no frame may be longer.
 pub const HELLO_BYTES_MAX: usize = 4096;
@@ -67,9 +67,9 @@ impl RunToken {
     }
 
     /// A name of the run that does not betray the secret.
-    pub fn run_id(self) -> u64 {
+    pub fn run_id(self) -> RunId {
         let digest = Sha256::digest(self.0);
-        u64::from_le_bytes(std::array::from_fn(|i| digest[i]))
+        RunId(u64::from_le_bytes(std::array::from_fn(|i| digest[i])))
     }
 
     pub fn from_hexadecimal(text: &str) -> Option<Self> {

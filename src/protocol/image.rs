@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::mac::Mac;
 use crate::ids::{Attempt, TileId};
 
 /// From a node. The bulk bytes are the tile's planes as [`crate::tracer::Pixels::write_bytes`] lays them out.
@@ -9,6 +10,8 @@ use crate::ids::{Attempt, TileId};
 pub struct TilePixels {
     pub tile: TileId,
     pub attempt: Attempt,
+    /// The master's: the attempt was handed to this process.
+    pub permit: Mac,
     /// Of the bulk bytes.
     pub crc32c: u32,
 }
@@ -16,8 +19,8 @@ pub struct TilePixels {
 /// From the display.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum ImageReply {
-    /// The tile is in the frame buffer, by this attempt or by an earlier one.
-    Acknowledged { tile: TileId, attempt: Attempt },
+    /// The tile is in the frame buffer, by this attempt or by an earlier one. The receipt proves it to the master.
+    Acknowledged { tile: TileId, attempt: Attempt, receipt: Mac },
     /// The connection ends after this.
     Refused(String),
 }

@@ -8,5 +8,6 @@ pub mod control;
 pub mod hello;
 pub mod image;
 pub mod join;
+pub mod mac;
 pub mod memory;
 pub mod work;

@@ -139,6 +139,12 @@ impl Conservation {
         Self { holds: checks.iter().all(|check| check.holds), checks, unverifiable: Vec::new() }
     }
 
+    /// The first check that does not hold; `None`: all do.
+    pub fn imbalance(&self) -> Option<String> {
+        let failed = self.checks.iter().find(|check| !check.holds)?;
+        Some(format!("{}: {} against {}", failed.name, failed.left, failed.right))
+    }
+
     /// With checks of others.
     #[must_use]
     pub fn and(mut self, checks: Vec<Check>) -> Self {

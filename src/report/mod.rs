@@ -3,16 +3,20 @@
 //! Plain data: counting is done elsewhere, printing in [`json`] and [`text`]. What does not apply to a run is left out.
 
 pub mod conservation;
+pub mod incident;
 pub mod json;
 pub mod memory;
 pub mod text;
+pub mod verification;
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 pub use conservation::Conservation;
+pub use incident::Incident;
 pub use memory::{Memory, NodeMemory};
+pub use verification::Verification;
 
 use crate::database::verify::Verified;
 use crate::protocol::control::BusTotals;
@@ -54,6 +58,9 @@ pub struct Report {
     pub bus: Option<Bus>,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub conservation: Option<Conservation>,
+    /// `None` where no display lived to tell what it holds.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub verification: Option<Verification>,
     pub incidents: Vec<Incident>,
     /// `None` where no fault was asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -96,6 +103,9 @@ pub struct Image {
     pub sha256: Option<String>,
     /// Pixels whose radiance was not finite and was written as 0.
     pub non_finite_pixels: u64,
+    /// Why the image is not to be relied on; `None`: nothing speaks against it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub unverified: Option<String>,
     /// The image first.
     pub files: Vec<PathBuf>,
 }
@@ -263,13 +273,6 @@ impl Bus {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Incident {
-    /// Since the run began.
-    pub seconds: f64,
-    pub text: String,
-}
-
 /// What faults on purpose came to; each of them is an incident as well.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chaos {
@@ -345,6 +348,7 @@ pub(crate) mod sample {
                 height: 48,
                 sha256: Some("00ff".to_owned()),
                 non_finite_pixels: 0,
+                unverified: Some("a = b: 1 against 2".to_owned()),
                 files: vec![PathBuf::from("out/image.png")],
             },
             kernel: Some(Kernel::Packets { simd: Simd::Avx2, derived_bytes: 93_520 }),
@@ -373,6 +377,7 @@ pub(crate) mod sample {
                 log_waits: 0,
             }),
             conservation: Some(Conservation::new(vec![conservation::Check::new("a = b", 1, 1)])),
+            verification: Some(verification::sample()),
             incidents: vec![Incident { seconds: 1.25, text: "node 1 died: signal 9".to_owned() }],
             chaos: Some(Chaos { schedule: "kill node 1@10%".to_owned(), carried_out: 1, longest_wait_seconds: 0.75 }),
             seconds: Seconds { load: 0.5, octree: 0.25, render: 2.0, render_cpu: 3.5, total: 3.0 },
@@ -403,11 +408,14 @@ mod tests {
             memory: None,
             bus: None,
             conservation: None,
+            verification: None,
             chaos: None,
             ..sample::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
-        for key in ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation", "chaos"] {
+        for key in
+            ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation", "verification", "chaos"]
+        {
             assert!(json.get(key).is_none(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Report>(json).expect("reads back"), render);

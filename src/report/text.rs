@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{Kernel, Report, Status};
+use super::{Kernel, Report, Status, Verification};
 
 /// Several lines, each with a name in front.
 pub fn summary(report: &Report) -> String {
@@ -82,7 +82,9 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         ),
     )?;
     for incident in &report.incidents {
-        line(out, "incident", format_args!("at {:.1} s: {}", incident.seconds, incident.text))?;
+        // A report may have been read from a file.
+        let text = super::incident::line(&incident.text);
+        line(out, "incident", format_args!("at {:.1} s: {text}", incident.seconds))?;
     }
     match report.status {
         Status::Done => {}
@@ -91,6 +93,9 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         Status::Failed => {
             line(out, "status", format_args!("failed: {}", report.error.as_deref().unwrap_or("unknown")))?
         }
+    }
+    if let Some(why) = &image.unverified {
+        line(out, "image", format_args!("UNVERIFIED: {why}"))?;
     }
     line(
         out,
@@ -162,6 +167,22 @@ fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
             line(out, "conservation", format_args!("BROKEN: {}: {} against {}", check.name, check.left, check.right))?;
         }
     }
+    if let Some(verification) = &report.verification
+        && verification.tiles > 0
+    {
+        let Verification { tiles, unverified_tiles, processes } = verification;
+        let verified = processes.iter().filter(|process| process.latest_verified).count();
+        line(
+            out,
+            "verified",
+            format_args!(
+                "{} of {} tiles by a second node; the latest tile of {verified} of {} processes",
+                Grouped(*tiles),
+                Grouped(tiles + unverified_tiles),
+                processes.len()
+            ),
+        )?;
+    }
     Ok(())
 }
 
@@ -221,6 +242,8 @@ mod tests {
             "0.102041 misses a record access, 0.517647 words moved a word read",
             "103 fetches, 3.5 KiB of data",
             "all 1 checks hold",
+            "1 of 4 tiles by a second node; the latest tile of 1 of 1 processes",
+            "image        UNVERIFIED: a = b: 1 against 2",
             "at 1.2 s: node 1 died: signal 9",
             "failed: the display died",
             "out/image.png",

@@ -25,16 +25,17 @@ pub struct TraceStats {
 }
 
 impl TraceStats {
+    /// No sum wraps, whatever the counts.
     pub fn add(&mut self, other: &Self) {
-        let sum = |a: &mut [u64], b: &[u64]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        let sum = |a: &mut [u64], b: &[u64]| a.iter_mut().zip(b).for_each(|(a, b)| *a = a.saturating_add(*b));
         sum(&mut self.rays, &other.rays);
         sum(&mut self.octree_accesses, &other.octree_accesses);
-        self.primitive_tests += other.primitive_tests;
-        self.mailbox_skips += other.mailbox_skips;
-        self.non_finite_pixels += other.non_finite_pixels;
+        self.primitive_tests = self.primitive_tests.saturating_add(other.primitive_tests);
+        self.mailbox_skips = self.mailbox_skips.saturating_add(other.mailbox_skips);
+        self.non_finite_pixels = self.non_finite_pixels.saturating_add(other.non_finite_pixels);
     }
 
     pub fn all_rays(&self) -> u64 {
-        self.rays.iter().sum()
+        self.rays.iter().fold(0, |sum, rays| sum.saturating_add(*rays))
     }
 }

@@ -127,6 +127,13 @@ impl Pixels {
         self.planes().iter().for_each(|plane| out.extend_from_slice(plane));
     }
 
+    /// Whether the colours of `pixels` pixels, with which their bytes begin, are finite: a tracer writes no others.
+    pub fn have_finite_colours(pixels: usize, bytes: &[u8]) -> bool {
+        const EXPONENT: u32 = 0x7f80_0000;
+        let (channels, _) = bytes.as_chunks::<4>();
+        channels.iter().take(3 * pixels).all(|channel| u32::from_le_bytes(*channel) & EXPONENT != EXPONENT)
+    }
+
     /// The reverse of [`Self::write_bytes`]; `None` when the length is not that of `pixels` pixels.
     pub fn from_bytes(pixels: usize, aov: AovSet, bytes: &[u8]) -> Option<Self> {
         if bytes.len() != Self::byte_len(pixels, aov) {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use marti::database::Section;
-use marti::ids::{Attempt, Epoch, NodeId, TileId};
-use marti::journal::{Journal, Record, RunId, Subject};
+use marti::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
+use marti::journal::{Journal, Record, Subject};
 use marti::scene::load;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::{AovSet, Tiling};
@@ -120,14 +120,14 @@ impl Seeds<'_> {
         let tiling = Tiling { width: 5, height: 3, tile_width: 2, tile_height: 2 };
         let path = self.scratch.join("tiles");
         let subject = Subject { tiling, aov, fingerprint: [7; 32] };
-        let (mut journal, _) = Journal::open(&path, &subject, RunId(1), false, |_, _| ())?;
-        let source = (NodeId(1), Epoch(0));
+        let (mut journal, _) = Journal::open(&path, &subject, false, |_| ())?;
+        let producer = Producer { run: RunId(1), node: NodeId(1), epoch: Epoch(0) };
         for tile in 0..4 {
             let pixels = tiling.rect(TileId(tile)).ok_or("a tile")?.pixel_count();
             let planes = vec![1; pixels * 16];
-            journal.append(&Record::Pixels { tile: TileId(tile), attempt: Attempt(tile), source, planes: &planes })?;
+            journal.append(&Record::Pixels { tile: TileId(tile), attempt: Attempt(tile), producer, planes: &planes })?;
         }
-        journal.append(&Record::Revoked { tile: TileId(1), attempt: Attempt(1) })?;
+        journal.append(&Record::Condemned(producer))?;
         self.put("journal", "five", &[&fs::read(&path)?])
     }
 

@@ -5,22 +5,27 @@
 pub mod state;
 
 use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytes::BytesMut;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, spawn_blocking};
 
 use self::state::{Action, ConnectionId, Event, Finished, Source, State};
-use crate::journal::{Journal, JournalError, RunId, Subject};
+use crate::ids::RunId;
+use crate::journal::{Journal, JournalError, Subject};
 use crate::processes::bootstrap::live;
 use crate::processes::{Child, ControlLink, StartError};
-use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender};
+use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, QueuedSender, Receiver};
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
 use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
 
 /// Tiles received and not composited yet, of all nodes.
 const TILES_MAX: usize = 16;
+/// Replies that a node has not read: it has fewer tiles under way.
+const REPLIES_MAX: usize = 64;
 
 #[derive(Debug, thiserror::Error)]
 pub enum DisplayError {
@@ -66,7 +71,7 @@ async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayE
         Some(_) => return Err(DisplayError::NotConfigured),
         None => return Err(DisplayError::ManagerGone),
     };
-    let (state, journal) = restore(link, &configuration, RunId(child.bootstrap.token.run_id())).await?;
+    let (state, journal) = restore(link, &configuration, child.bootstrap.token.run_id()).await?;
     let listener = Listener::bind(child.interface(link.interface), child.credentials(), |role, _| match role {
         Role::Node(_) => Ok(()),
         _ => Err("a node".to_owned()),
@@ -86,12 +91,12 @@ async fn restore(
     let mut state = State::new(configuration, run).map_err(|error| DisplayError::Failed(error.to_string()))?;
     let DisplayConfiguration { tiling, aov, fingerprint, ref journal, resume, .. } = *configuration;
     let subject = Subject { tiling, aov, fingerprint };
-    let (journal, dropped) = Journal::open(journal, &subject, run, resume, |run, record| state.restore(run, record))?;
+    let (journal, dropped) = Journal::open(journal, &subject, resume, |record| state.restore(record))?;
     if let Some(dropped) = dropped {
         tracing::warn!("{dropped}");
         report(link, DisplayReport::Incident(dropped)).await?;
     }
-    report(link, DisplayReport::Restored(state.restored())).await?;
+    report(link, DisplayReport::Restored(state.holdings())).await?;
     Ok((state, journal))
 }
 
@@ -109,12 +114,12 @@ struct Shell {
     /// For the readers of the nodes' connections.
     arrived_sender: mpsc::Sender<Arrived>,
     /// Both directions, since the handshakes.
-    wire_bytes: u64,
+    wire_bytes: Arc<AtomicU64>,
 }
 
 struct NodeConnection {
     source: Source,
-    sender: Sender<ImageReply>,
+    sender: QueuedSender<ImageReply>,
     reader: AbortHandle,
 }
 
@@ -134,7 +139,15 @@ enum Arrived {
 impl Shell {
     fn new(state: State, journal: Journal) -> Self {
         let (arrived_sender, arrived) = mpsc::channel(TILES_MAX);
-        Self { state, journal, nodes: HashMap::new(), connections: 0, arrived, arrived_sender, wire_bytes: 0 }
+        Self {
+            state,
+            journal,
+            nodes: HashMap::new(),
+            connections: 0,
+            arrived,
+            arrived_sender,
+            wire_bytes: Arc::default(),
+        }
     }
 
     async fn serve(
@@ -148,9 +161,9 @@ impl Shell {
                 biased;
                 command = link.commands.recv() => match command {
                     Some(DisplayCommand::Finish) => return self.write(configuration).await,
-                    Some(DisplayCommand::Revoke(wrong)) => self.handle(link, Event::Revoke(wrong)).await?,
-                    Some(DisplayCommand::TilesOf(node, epoch)) => {
-                        self.handle(link, Event::TilesOf((node, epoch))).await?;
+                    Some(DisplayCommand::Condemn(producer)) => self.handle(link, Event::Condemn(producer)).await?,
+                    Some(DisplayCommand::TellHoldings { question }) => {
+                        self.handle(link, Event::TellHoldings { question }).await?;
                     }
                     Some(DisplayCommand::Configure(_)) => {
                         self.handle(link, Event::Refused("configured twice; the first one counts".to_owned())).await?;
@@ -160,7 +173,7 @@ impl Shell {
                 },
                 Some(arrived) = self.arrived.recv() => match arrived {
                     Arrived::Tile { from, tile, bytes, wire_bytes } => {
-                        self.wire_bytes += wire_bytes;
+                        self.wire_bytes.fetch_add(wire_bytes, Ordering::Relaxed);
                         // Nobody is there any more who was dismissed.
                         if let Some(&NodeConnection { source, .. }) = self.nodes.get(&from) {
                             self.handle(link, Event::Tile { from, source, tile, bytes: &bytes }).await?;
@@ -184,6 +197,7 @@ impl Shell {
         self.connections += 1;
         let (sender, receiver) = connection.split::<ImageReply, TilePixels>();
         let receiver = receiver.with_bulk_bytes_max(self.state.tile_bytes_max());
+        let sender = sender.queued(REPLIES_MAX, Arc::clone(&self.wire_bytes));
         let reader = tokio::spawn(read(id, receiver, self.arrived_sender.clone())).abort_handle();
         self.nodes.insert(id, NodeConnection { source: (node, peer.epoch), sender, reader });
     }
@@ -192,7 +206,7 @@ impl Shell {
         for action in self.state.handle(event) {
             match action {
                 Action::Append(record) => self.journal.append(&record)?,
-                Action::Reply(to, reply) => self.reply(to, &reply).await,
+                Action::Reply(to, reply) => self.reply(link, to, reply).await?,
                 Action::Dismiss(node) => drop(self.nodes.remove(&node)),
                 Action::Report(told) => report(link, told).await?,
             }
@@ -200,20 +214,26 @@ impl Shell {
         Ok(())
     }
 
-    /// A node has so few tiles under way that their replies always fit the socket's buffer: nothing waits here.
-    async fn reply(&mut self, to: ConnectionId, reply: &ImageReply) {
-        let Some(node) = self.nodes.get_mut(&to) else { return };
-        let before = node.sender.wire_bytes();
-        if let Err(error) = node.sender.send(reply).await {
-            // Its reader tells the end.
-            tracing::warn!("{error}");
+    /// Waits for nobody: a node that does not read its replies is dropped alone.
+    async fn reply(&mut self, link: &Link, to: ConnectionId, reply: ImageReply) -> Result<(), DisplayError> {
+        let Some(node) = self.nodes.get(&to) else { return Ok(()) };
+        match node.sender.send(reply) {
+            Ok(()) => Ok(()),
+            Err(error) => {
+                self.nodes.remove(&to);
+                match error.fault {
+                    // The node is gone: the manager knows how.
+                    Fault::Closed => Ok(()),
+                    _ => report(link, DisplayReport::Incident(error.to_string())).await,
+                }
+            }
         }
-        self.wire_bytes += node.sender.wire_bytes() - before;
     }
 
     /// Writes whatever tiles there are, in a thread of its own: a large image takes seconds.
     async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
         let Self { state, journal, wire_bytes, .. } = self;
+        let wire_bytes = wire_bytes.load(Ordering::Relaxed);
         let written = spawn_blocking(move || {
             // Locked until the image stands.
             let _journal = journal;

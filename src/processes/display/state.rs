@@ -1,21 +1,24 @@
 //! Which tiles are in the frame buffer, and whose. No socket, no file: the shell moves bytes and writes what comes out.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sha2::{Digest, Sha256};
 
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::image_file::{FrameBuffer, FrameBufferError};
-use crate::journal::{Record, RunId};
-use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, Revocation, TileResult};
+use crate::journal::Record;
+use crate::protocol::control::{
+    Comparison, DisplayConfiguration, DisplayReport, Holdings, PRODUCERS_MAX, Share, TileResult, TileSet,
+};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::{Claim, MacKey};
 use crate::tracer::{Pixels, Rect, Tiling};
 
 /// A connection of a node, numbered as they come.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct ConnectionId(pub u64);
 
-/// Which process traced.
+/// Which process of this run traced.
 pub type Source = (NodeId, Epoch);
 
 #[derive(Debug)]
@@ -26,11 +29,13 @@ pub enum Event<'a> {
         tile: TilePixels,
         bytes: &'a [u8],
     },
-    /// The manager's: these attempts are wrong.
-    Revoke(Vec<Revocation>),
-    /// The manager asks which tiles are this process'.
-    TilesOf(Source),
-    /// Somebody was not let in, or spoke nonsense.
+    /// The manager's: all tiles of this process are wrong.
+    Condemn(Producer),
+    /// The manager asks what is in the frame.
+    TellHoldings {
+        question: u32,
+    },
+    /// Somebody was not let in, spoke nonsense, or did not read.
     Refused(String),
 }
 
@@ -47,55 +52,72 @@ pub enum Action<'a> {
 /// Whose pixels are in the frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct Kept {
-    run: RunId,
+    producer: Producer,
     attempt: Attempt,
-    source: Source,
 }
 
 #[derive(Debug)]
 pub struct State {
     run: RunId,
+    key: MacKey,
     tiling: Tiling,
     frame: FrameBuffer,
     /// By tile id.
     kept: Vec<Option<Kept>>,
-    /// Results of this run up to this attempt are dropped.
-    revoked: HashMap<TileId, Attempt>,
-    tiles_done: u32,
+    shares: BTreeMap<Producer, Share>,
+    condemned: BTreeSet<Producer>,
     tiles_stale: u64,
+}
+
+/// Why a tile is not taken.
+enum Refusal {
+    /// Bytes went wrong on the way.
+    Damaged(String),
+    /// No honest process sends this.
+    Forged(String),
+    /// Its process is known to be wrong.
+    Condemned,
 }
 
 impl State {
     /// # Errors
     /// The image is larger than allowed, or than the memory.
     pub fn new(configuration: &DisplayConfiguration, run: RunId) -> Result<Self, FrameBufferError> {
-        let DisplayConfiguration { tiling, aov, .. } = *configuration;
+        let DisplayConfiguration { tiling, aov, key, .. } = *configuration;
         let frame = FrameBuffer::new(tiling.width, tiling.height, aov)?;
-        let kept = vec![None; tiling.tile_count() as usize];
-        Ok(Self { run, tiling, frame, kept, revoked: HashMap::new(), tiles_done: 0, tiles_stale: 0 })
+        Ok(Self {
+            run,
+            key,
+            tiling,
+            frame,
+            kept: vec![None; tiling.tile_count() as usize],
+            shares: BTreeMap::new(),
+            condemned: BTreeSet::new(),
+            tiles_stale: 0,
+        })
     }
 
     /// Takes over what an earlier display appended, in the order in which it did.
-    pub fn restore(&mut self, run: RunId, record: &Record) {
+    pub fn restore(&mut self, record: &Record) {
         match *record {
-            Record::Pixels { tile, attempt, source, planes } => {
-                // Cannot fail: a journal is of this image, and its tiles are whole.
-                let _ = self.keep(tile, Kept { run, attempt, source }, planes);
+            Record::Pixels { tile, attempt, producer, planes } => {
+                let is_listed = self.shares.len() < PRODUCERS_MAX || self.shares.contains_key(&producer);
+                if is_listed && !self.condemned.contains(&producer) {
+                    // Cannot fail: a journal is of this image, and its tiles are whole.
+                    let _ = self.keep(tile, Kept { producer, attempt }, planes);
+                }
             }
-            Record::Revoked { tile, attempt } => drop(self.revoke(run, Revocation { tile, attempt })),
+            Record::Condemned(producer) => {
+                self.condemn(producer);
+            }
         }
     }
 
-    /// A bit a tile that is in the frame: bit i mod 8 of byte i / 8.
-    pub fn restored(&self) -> Vec<u8> {
-        self.bits(|_| true)
-    }
-
-    fn bits(&self, chosen: impl Fn(&Kept) -> bool) -> Vec<u8> {
-        let is_set = |kept: &Option<Kept>| u8::from(kept.as_ref().is_some_and(&chosen));
-        let bits =
-            |tiles: &[Option<Kept>]| tiles.iter().enumerate().fold(0, |bits, (i, kept)| bits | is_set(kept) << i);
-        self.kept.chunks(8).map(bits).collect()
+    pub fn holdings(&self) -> Holdings {
+        Holdings {
+            tiles: self.kept.iter().map(Option::is_some).collect(),
+            shares: self.shares.values().copied().take(PRODUCERS_MAX).collect(),
+        }
     }
 
     /// Bulk bytes of a whole tile: no frame may carry more.
@@ -107,62 +129,93 @@ impl State {
     /// What is to be done about an event, in order.
     pub fn handle<'a>(&mut self, event: Event<'a>) -> Vec<Action<'a>> {
         match event {
-            Event::Tile { from, source, tile: pixels, bytes } => match self.take(source, &pixels, bytes) {
-                Ok(first) => {
-                    let TilePixels { tile, attempt, .. } = pixels;
-                    let acknowledge = Action::Reply(from, ImageReply::Acknowledged { tile, attempt });
-                    first.into_iter().chain([acknowledge]).collect()
-                }
-                Err(why) => {
-                    let why = format!("{}, {}: {why}", pixels.tile, pixels.attempt);
-                    let incident = Action::Report(DisplayReport::Incident(format!("refused {why}")));
-                    vec![Action::Reply(from, ImageReply::Refused(why)), Action::Dismiss(from), incident]
-                }
-            },
-            Event::Revoke(revocations) => {
-                let revoke = |revocation: &Revocation| self.revoke(self.run, *revocation).then_some(*revocation);
-                let news: Vec<Revocation> = revocations.iter().filter_map(revoke).collect();
-                let append = |Revocation { tile, attempt }| Action::Append(Record::Revoked { tile, attempt });
-                let told = Action::Report(DisplayReport::Revoked(revocations));
-                news.into_iter().map(append).chain([told]).collect()
+            Event::Tile { from, source, tile: pixels, bytes } => self.tile(from, source, &pixels, bytes),
+            Event::Condemn(producer) => {
+                let is_new = !self.condemned.contains(&producer);
+                let tiles = self.condemn(producer);
+                let append = is_new.then_some(Action::Append(Record::Condemned(producer)));
+                append.into_iter().chain([Action::Report(DisplayReport::Condemned(producer, tiles))]).collect()
             }
-            Event::TilesOf((node, epoch)) => {
-                let tiles = self.bits(|kept| (kept.run, kept.source) == (self.run, (node, epoch)));
-                vec![Action::Report(DisplayReport::TilesOf(node, epoch, tiles))]
+            Event::TellHoldings { question } => {
+                vec![Action::Report(DisplayReport::Holdings { question, holdings: self.holdings() })]
             }
             Event::Refused(who) => vec![Action::Report(DisplayReport::Incident(who))],
         }
     }
 
-    /// What is to be done before a result is acknowledged: the first one of a tile is kept, later ones are held against
-    /// it. Says what is wrong with anything else.
-    fn take<'a>(&mut self, source: Source, pixels: &TilePixels, bytes: &'a [u8]) -> Result<Option<Action<'a>>, String> {
-        let TilePixels { tile, attempt, crc32c } = *pixels;
-        let rect = self.tiling.rect(tile).ok_or_else(|| format!("the image has {} tiles", self.tiling.tile_count()))?;
+    fn tile<'a>(
+        &mut self,
+        from: ConnectionId,
+        source: Source,
+        pixels: &TilePixels,
+        bytes: &'a [u8],
+    ) -> Vec<Action<'a>> {
+        let TilePixels { tile, attempt, .. } = *pixels;
+        let (node, epoch) = source;
+        match self.take(source, pixels, bytes) {
+            Ok(first) => {
+                let receipt = self.key.receipt(Claim { tile, attempt, node, epoch });
+                let acknowledge = Action::Reply(from, ImageReply::Acknowledged { tile, attempt, receipt });
+                first.into_iter().chain([acknowledge]).collect()
+            }
+            Err(Refusal::Damaged(why)) => {
+                let why = format!("{tile}, {attempt}: {why}");
+                let incident = DisplayReport::Incident(format!("refused {why}"));
+                vec![Action::Reply(from, ImageReply::Refused(why)), Action::Dismiss(from), Action::Report(incident)]
+            }
+            Err(Refusal::Forged(why)) => {
+                let why = format!("{tile}, {attempt}: {why}");
+                vec![Action::Dismiss(from), Action::Report(DisplayReport::Forged { node, epoch, why })]
+            }
+            Err(Refusal::Condemned) => {
+                self.tiles_stale += 1;
+                vec![Action::Dismiss(from)]
+            }
+        }
+    }
+
+    /// What is to be done before a result is acknowledged: the first one of a tile is kept, later ones are compared with
+    /// it.
+    fn take<'a>(
+        &mut self,
+        (node, epoch): Source,
+        pixels: &TilePixels,
+        bytes: &'a [u8],
+    ) -> Result<Option<Action<'a>>, Refusal> {
+        let TilePixels { tile, attempt, permit, crc32c } = *pixels;
+        let producer = Producer { run: self.run, node, epoch };
+        if self.condemned.contains(&producer) {
+            return Err(Refusal::Condemned);
+        }
+        if !self.key.is_permit(Claim { tile, attempt, node, epoch }, permit) {
+            return Err(Refusal::Forged("the master did not hand it to this process".to_owned()));
+        }
+        let tiles = self.tiling.tile_count();
+        let rect = self.tiling.rect(tile).ok_or_else(|| Refusal::Damaged(format!("the image has {tiles} tiles")))?;
         let found = crc32c::crc32c(bytes);
         if found != crc32c {
-            return Err(format!("its pixels have crc32c {found:08x}, expected {crc32c:08x}"));
+            return Err(Refusal::Damaged(format!("its pixels have crc32c {found:08x}, expected {crc32c:08x}")));
         }
         let expected = Pixels::byte_len(rect.pixel_count(), self.frame.aov());
         if bytes.len() != expected {
-            return Err(format!("its pixels have {} bytes, expected {expected}", bytes.len()));
+            let why = format!("its pixels have {} bytes, expected {expected}", bytes.len());
+            return Err(Refusal::Damaged(why));
         }
-        if self.revoked.get(&tile).is_some_and(|revoked| attempt <= *revoked) {
-            self.tiles_stale += 1;
-            return Ok(None);
+        if !Pixels::have_finite_colours(rect.pixel_count(), bytes) {
+            return Err(Refusal::Forged("its pixels are not finite, which no tracer sends".to_owned()));
         }
-        let this = Kept { run: self.run, attempt, source };
+        let this = Kept { producer, attempt };
         match self.kept[tile.0 as usize] {
             None => {
-                self.keep(tile, this, bytes).map_err(|error| error.to_string())?;
-                Ok(Some(Action::Append(Record::Pixels { tile, attempt, source, planes: bytes })))
+                self.keep(tile, this, bytes).map_err(|error| Refusal::Damaged(error.to_string()))?;
+                Ok(Some(Action::Append(Record::Pixels { tile, attempt, producer, planes: bytes })))
             }
             // Sent again, as its acknowledgement was lost.
             Some(kept) if kept == this => Ok(None),
             Some(kept) => {
                 self.tiles_stale += 1;
                 let kept = self.result(rect, kept);
-                let other = TileResult { attempt, source: Some(source), digest: Sha256::digest(bytes).into() };
+                let other = TileResult { producer, digest: Sha256::digest(bytes).into() };
                 Ok(Some(Action::Report(DisplayReport::Compared(Comparison { tile, kept, other }))))
             }
         }
@@ -175,7 +228,9 @@ impl State {
         };
         self.frame.blit_bytes(rect, planes)?;
         *kept = Some(from);
-        self.tiles_done += 1;
+        let producer = from.producer;
+        let share = self.shares.entry(producer).or_insert(Share { producer, tiles: 0, latest: tile });
+        *share = Share { tiles: share.tiles + 1, latest: tile, producer };
         Ok(())
     }
 
@@ -183,34 +238,30 @@ impl State {
     fn result(&self, rect: Rect, kept: Kept) -> TileResult {
         let mut digest = Sha256::new();
         self.frame.rows(rect).for_each(|row| digest.update(row));
-        TileResult {
-            attempt: kept.attempt,
-            source: (kept.run == self.run).then_some(kept.source),
-            digest: digest.finalize().into(),
-        }
+        TileResult { producer: kept.producer, digest: digest.finalize().into() }
     }
 
-    /// Whether it makes a difference.
-    fn revoke(&mut self, run: RunId, Revocation { tile, attempt }: Revocation) -> bool {
-        let (Some(rect), Some(kept)) = (self.tiling.rect(tile), self.kept.get_mut(tile.0 as usize)) else {
-            return false;
+    /// Takes what a process did out of the frame, and nothing of it from now on. The tiles that were taken out.
+    fn condemn(&mut self, producer: Producer) -> TileSet {
+        self.condemned.insert(producer);
+        if self.shares.remove(&producer).is_none() {
+            return TileSet::default();
+        }
+        let (tiling, frame) = (self.tiling, &mut self.frame);
+        let take_out = |(i, kept): (usize, &mut Option<Kept>)| {
+            let is_taken_out = kept.take_if(|kept| kept.producer == producer).is_some();
+            if let (true, Some(rect)) = (is_taken_out, tiling.rect(TileId(i as u32))) {
+                frame.clear(rect);
+            }
+            is_taken_out
         };
-        // Attempts of an earlier run come before all of a later one.
-        let undone = kept.take_if(|kept| kept.run != run || kept.attempt <= attempt).is_some();
-        if undone {
-            self.frame.clear(rect);
-            self.tiles_done -= 1;
-        }
-        let raised = run == self.run && self.revoked.get(&tile).is_none_or(|before| *before < attempt);
-        if raised {
-            self.revoked.insert(tile, attempt);
-        }
-        undone || raised
+        self.kept.iter_mut().enumerate().map(take_out).collect()
     }
 
     /// What there is, whole or partial.
     pub fn finish(self) -> Finished {
-        Finished { frame: self.frame, tiles_done: self.tiles_done, tiles_stale: self.tiles_stale }
+        let tiles_done = self.kept.iter().flatten().count() as u32;
+        Finished { frame: self.frame, tiles_done, tiles_stale: self.tiles_stale }
     }
 }
 
@@ -218,6 +269,6 @@ impl State {
 pub struct Finished {
     pub frame: FrameBuffer,
     pub tiles_done: u32,
-    /// Results for tiles that were done already, and of attempts that were revoked.
+    /// Results for tiles that were done already, and of processes that are known to be wrong.
     pub tiles_stale: u64,
 }

@@ -1,10 +1,11 @@
 //! The display's decisions, event by event.
 
 use super::state::{Action, ConnectionId, Event, Finished, Source, State};
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::journal::{Record, RunId};
-use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, Revocation};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
+use crate::journal::Record;
+use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, PRODUCERS_MAX, TileSet};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::tracer::{AovSet, Pixels, Tiling};
 
 const NODE: ConnectionId = ConnectionId(3);
@@ -12,6 +13,7 @@ const SOURCE: Source = (NodeId(7), Epoch(1));
 const OTHER: Source = (NodeId(8), Epoch(0));
 const RUN: RunId = RunId(1);
 const EARLIER: RunId = RunId(0);
+const KEY: MacKey = MacKey::new([9; 32]);
 /// Pixels of each tile.
 const SIZES: [usize; 4] = [6, 4, 6, 4];
 
@@ -22,6 +24,7 @@ fn configuration() -> DisplayConfiguration {
         journal: "tiles".into(),
         resume: false,
         fingerprint: [0; 32],
+        key: KEY,
         image: "image.png".into(),
         exr: false,
     }
@@ -29,6 +32,10 @@ fn configuration() -> DisplayConfiguration {
 
 fn state() -> State {
     State::new(&configuration(), RUN).expect("a small image")
+}
+
+fn producer((node, epoch): Source) -> Producer {
+    Producer { run: RUN, node, epoch }
 }
 
 /// A tile of one colour.
@@ -39,25 +46,34 @@ fn planes(tile: u32, grey: f32) -> Vec<u8> {
     bytes
 }
 
+fn claim((node, epoch): Source, tile: u32, attempt: u32) -> Claim {
+    Claim { tile: TileId(tile), attempt: Attempt(attempt), node, epoch }
+}
+
 fn send<'a>(state: &mut State, source: Source, tile: u32, attempt: u32, bytes: &'a [u8]) -> Vec<Action<'a>> {
-    let tile = TilePixels { tile: TileId(tile), attempt: Attempt(attempt), crc32c: crc32c::crc32c(bytes) };
+    send_by(state, source, (tile, attempt), KEY.permit(claim(source, tile, attempt)), bytes)
+}
+
+fn send_by<'a>(
+    state: &mut State,
+    source: Source,
+    (tile, attempt): (u32, u32),
+    permit: Mac,
+    bytes: &'a [u8],
+) -> Vec<Action<'a>> {
+    let tile = TilePixels { tile: TileId(tile), attempt: Attempt(attempt), permit, crc32c: crc32c::crc32c(bytes) };
     state.handle(Event::Tile { from: NODE, source, tile, bytes })
 }
 
-fn acknowledged(tile: u32, attempt: u32) -> Action<'static> {
-    Action::Reply(NODE, ImageReply::Acknowledged { tile: TileId(tile), attempt: Attempt(attempt) })
+fn acknowledged(source: Source, tile: u32, attempt: u32) -> Action<'static> {
+    let receipt = KEY.receipt(claim(source, tile, attempt));
+    Action::Reply(NODE, ImageReply::Acknowledged { tile: TileId(tile), attempt: Attempt(attempt), receipt })
 }
 
-fn record(tile: u32, attempt: u32, planes: &[u8]) -> Record<'_> {
-    Record::Pixels { tile: TileId(tile), attempt: Attempt(attempt), source: SOURCE, planes }
-}
-
-fn kept(tile: u32, attempt: u32, planes: &[u8]) -> Vec<Action<'_>> {
-    vec![Action::Append(record(tile, attempt, planes)), acknowledged(tile, attempt)]
-}
-
-fn revocation(tile: u32, attempt: u32) -> Revocation {
-    Revocation { tile: TileId(tile), attempt: Attempt(attempt) }
+fn kept(source: Source, tile: u32, attempt: u32, planes: &[u8]) -> Vec<Action<'_>> {
+    let producer = producer(source);
+    let record = Record::Pixels { tile: TileId(tile), attempt: Attempt(attempt), producer, planes };
+    vec![Action::Append(record), acknowledged(source, tile, attempt)]
 }
 
 fn compared(actions: &[Action]) -> Comparison {
@@ -69,8 +85,19 @@ fn compared(actions: &[Action]) -> Comparison {
     }
 }
 
-/// A record that owns its planes; `None`: revoked.
-type Owned = (TileId, Attempt, Option<(Source, Vec<u8>)>);
+fn forged(actions: &[Action]) -> String {
+    match actions {
+        [Action::Dismiss(NODE), Action::Report(DisplayReport::Forged { why, .. })] => why.clone(),
+        other => panic!("not taken for a forgery: {other:?}"),
+    }
+}
+
+fn tiles(chosen: [u32; 4]) -> TileSet {
+    chosen.iter().map(|chosen| *chosen == 1).collect()
+}
+
+/// A record that owns its planes; `None`: condemned.
+type Owned = (Producer, Option<(TileId, Attempt, Vec<u8>)>);
 
 /// Keeps a journal of what is appended, in memory.
 #[derive(Default)]
@@ -79,24 +106,24 @@ struct Journal(Vec<Owned>);
 impl Journal {
     fn append(&mut self, actions: &[Action]) {
         let records = actions.iter().filter_map(|action| match *action {
-            Action::Append(Record::Pixels { tile, attempt, source, planes }) => {
-                Some((tile, attempt, Some((source, planes.to_vec()))))
+            Action::Append(Record::Pixels { tile, attempt, producer, planes }) => {
+                Some((producer, Some((tile, attempt, planes.to_vec()))))
             }
-            Action::Append(Record::Revoked { tile, attempt }) => Some((tile, attempt, None)),
+            Action::Append(Record::Condemned(producer)) => Some((producer, None)),
             _ => None,
         });
         self.0.extend(records);
     }
 
+    /// What a display of this run begins with; the records are an earlier run's, if `run` is another.
     fn restored(&self, run: RunId) -> State {
         let mut state = state();
-        for (tile, attempt, pixels) in &self.0 {
-            let (tile, attempt) = (*tile, *attempt);
-            let record = match pixels {
-                Some((source, planes)) => Record::Pixels { tile, attempt, source: *source, planes },
-                None => Record::Revoked { tile, attempt },
-            };
-            state.restore(run, &record);
+        for (producer, pixels) in &self.0 {
+            let producer = Producer { run, ..*producer };
+            state.restore(&match pixels {
+                Some((tile, attempt, planes)) => Record::Pixels { tile: *tile, attempt: *attempt, producer, planes },
+                None => Record::Condemned(producer),
+            });
         }
         state
     }
@@ -106,8 +133,8 @@ impl Journal {
 fn a_tile_is_kept_once_and_acknowledged_always() {
     let mut state = state();
     let (first, later) = (planes(0, 0.25), planes(0, 0.75));
-    assert_eq!(send(&mut state, SOURCE, 0, 0, &first), kept(0, 0, &first));
-    assert_eq!(send(&mut state, SOURCE, 0, 0, &first), [acknowledged(0, 0)], "sent again");
+    assert_eq!(send(&mut state, SOURCE, 0, 0, &first), kept(SOURCE, 0, 0, &first));
+    assert_eq!(send(&mut state, SOURCE, 0, 0, &first), [acknowledged(SOURCE, 0, 0)], "sent again");
     compared(&send(&mut state, OTHER, 0, 1, &later));
     let Finished { frame, tiles_done, tiles_stale } = state.finish();
     assert_eq!((tiles_done, tiles_stale), (1, 1));
@@ -116,13 +143,12 @@ fn a_tile_is_kept_once_and_acknowledged_always() {
 }
 
 #[test]
-fn a_later_result_is_held_against_the_first() {
+fn a_later_result_is_compared_with_the_first() {
     let mut state = state();
     let (first, other) = (planes(1, 0.25), planes(1, f32::from_bits(0.25f32.to_bits() ^ 1)));
     send(&mut state, SOURCE, 1, 4, &first);
     let same = compared(&send(&mut state, OTHER, 1, 2, &first));
-    assert_eq!((same.tile, same.kept.attempt, same.other.attempt), (TileId(1), Attempt(4), Attempt(2)));
-    assert_eq!((same.kept.source, same.other.source), (Some(SOURCE), Some(OTHER)));
+    assert_eq!((same.tile, same.kept.producer, same.other.producer), (TileId(1), producer(SOURCE), producer(OTHER)));
     assert_eq!(same.kept.digest, same.other.digest);
     let different = compared(&send(&mut state, OTHER, 1, 5, &other));
     assert_eq!(different.kept.digest, same.kept.digest);
@@ -130,56 +156,119 @@ fn a_later_result_is_held_against_the_first() {
 }
 
 #[test]
-fn what_is_revoked_is_taken_anew() {
+fn a_process_sends_only_what_the_master_handed_to_it() {
     let mut state = state();
-    let (wrong, right) = (planes(0, 0.5), planes(0, 0.25));
-    send(&mut state, SOURCE, 0, 1, &wrong);
-    let revoked = vec![revocation(0, 2), revocation(3, 0), revocation(99, 0)];
-    let actions = state.handle(Event::Revoke(revoked.clone()));
-    let appended = |tile, attempt| Action::Append(Record::Revoked { tile: TileId(tile), attempt: Attempt(attempt) });
-    assert_eq!(actions, [appended(0, 2), appended(3, 0), Action::Report(DisplayReport::Revoked(revoked.clone()))]);
-    assert_eq!(state.restored(), [0]);
-    // Told twice, it is appended once.
-    let again = state.handle(Event::Revoke(revoked.clone()));
-    assert_eq!(again, [Action::Report(DisplayReport::Revoked(revoked))]);
-    // Attempts that were under way are dropped; the next is taken.
-    assert_eq!(send(&mut state, SOURCE, 0, 2, &wrong), [acknowledged(0, 2)]);
-    assert_eq!(send(&mut state, OTHER, 3, 0, &planes(3, 1.0)), [acknowledged(3, 0)]);
-    let actions = send(&mut state, SOURCE, 0, 3, &right);
-    assert_eq!(actions, kept(0, 3, &right));
-    // A revocation of earlier attempts leaves it alone.
-    state.handle(Event::Revoke(vec![revocation(0, 2)]));
-    let Finished { frame, tiles_done, tiles_stale } = state.finish();
-    assert_eq!((tiles_done, tiles_stale, frame.pixels().colour[0]), (1, 2, [0.25; 3]));
-}
-
-#[test]
-fn it_knows_whose_pixels_are_in_the_frame() {
-    let (mut first, mut journal) = (state(), Journal::default());
-    journal.append(&send(&mut first, SOURCE, 0, 0, &planes(0, 0.5)));
-    journal.append(&send(&mut first, OTHER, 1, 0, &planes(1, 0.5)));
-    journal.append(&send(&mut first, SOURCE, 3, 0, &planes(3, 0.5)));
-    // Compared, and not kept.
-    journal.append(&send(&mut first, SOURCE, 1, 1, &planes(1, 0.5)));
-    let tiles_of = |state: &mut State, (node, epoch): Source, tiles: u8| {
-        let told = DisplayReport::TilesOf(node, epoch, vec![tiles]);
-        assert_eq!(state.handle(Event::TilesOf((node, epoch))), [Action::Report(told)]);
-    };
-    let mut restarted = journal.restored(RUN);
-    for state in [&mut first, &mut restarted] {
-        tiles_of(state, SOURCE, 0b1001);
-        tiles_of(state, OTHER, 0b10);
+    let bytes = planes(0, 0.5);
+    let permit = KEY.permit(claim(SOURCE, 0, 0));
+    // Another attempt, another tile, another process, no permit at all, a receipt in its place.
+    let cases = [
+        (SOURCE, (0, 1), permit),
+        (SOURCE, (2, 0), permit),
+        (OTHER, (0, 0), permit),
+        ((NodeId(7), Epoch(2)), (0, 0), permit),
+        (SOURCE, (0, u32::MAX), Mac::default()),
+        (SOURCE, (0, 0), KEY.receipt(claim(SOURCE, 0, 0))),
+    ];
+    for (source, job, permit) in cases {
+        let why = forged(&send_by(&mut state, source, job, permit, &bytes));
+        assert!(why.ends_with("the master did not hand it to this process"), "{why}");
     }
-    tiles_of(&mut journal.restored(EARLIER), SOURCE, 0);
+    assert_eq!(state.holdings().tiles, tiles([0; 4]));
+    assert_eq!(send(&mut state, SOURCE, 0, 0, &bytes), kept(SOURCE, 0, 0, &bytes));
 }
 
 #[test]
-fn a_revoked_tile_leaves_no_trace_in_a_partial_image() {
+fn colours_that_are_not_finite_are_a_forgery() {
+    let mut state = state();
+    for (i, wrong) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {
+        let mut bytes = planes(0, f32::MAX);
+        bytes[4 * i..4 * i + 4].copy_from_slice(&wrong.to_le_bytes());
+        assert!(forged(&send(&mut state, SOURCE, 0, 0, &bytes)).contains("not finite"), "{wrong}");
+    }
+    // A depth may be more than an f32 can say.
+    let mut bytes = planes(0, f32::MAX);
+    let depth = bytes.len() - 4;
+    bytes[depth..].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    assert_eq!(send(&mut state, SOURCE, 0, 0, &bytes), kept(SOURCE, 0, 0, &bytes));
+}
+
+#[test]
+fn all_tiles_of_a_condemned_process_are_taken_out_whatever_their_attempts() {
     let mut state = state();
     let empty = self::state().finish().frame;
-    send(&mut state, SOURCE, 2, 0, &planes(2, 0.5));
-    state.handle(Event::Revoke(vec![revocation(2, 0)]));
-    assert_eq!(state.finish().frame.pixels(), empty.pixels());
+    for (source, tile, attempt) in [(SOURCE, 0, 0), (SOURCE, 3, u32::MAX), (OTHER, 1, 7)] {
+        send(&mut state, source, tile, attempt, &planes(tile, 0.5));
+    }
+    let wrong = producer(SOURCE);
+    let told = |taken_out| Action::Report(DisplayReport::Condemned(wrong, taken_out));
+    let actions = state.handle(Event::Condemn(wrong));
+    assert_eq!(actions, [Action::Append(Record::Condemned(wrong)), told(tiles([1, 0, 0, 1]))]);
+    assert_eq!(state.handle(Event::Condemn(wrong)), [told(TileSet::default())], "appended once");
+    assert_eq!(state.holdings().tiles, tiles([0, 1, 0, 0]));
+    // What it still sends is not taken, though it was handed to it.
+    assert_eq!(send(&mut state, SOURCE, 2, 0, &planes(2, 0.5)), [Action::Dismiss(NODE)]);
+    let right = planes(0, 0.25);
+    assert_eq!(send(&mut state, OTHER, 0, 1, &right), kept(OTHER, 0, 1, &right));
+    let Finished { frame, tiles_done, tiles_stale } = state.finish();
+    assert_eq!((tiles_done, tiles_stale, frame.pixels().colour[0]), (2, 1, [0.25; 3]));
+    assert_eq!(frame.pixels().colour[4 * 5 - 1], empty.pixels().colour[4 * 5 - 1], "nothing is left of tile 3");
+}
+
+#[test]
+fn a_condemnation_outlives_a_restart_and_its_run() {
+    let (mut first, mut journal) = (state(), Journal::default());
+    let (wrong, right) = (planes(0, 0.5), planes(0, 0.25));
+    journal.append(&send(&mut first, SOURCE, 0, 5, &wrong));
+    journal.append(&first.handle(Event::Condemn(producer(SOURCE))));
+    // A tile that was appended by a display that had not been told yet.
+    let late =
+        Record::Pixels { tile: TileId(1), attempt: Attempt(0), producer: producer(SOURCE), planes: &planes(1, 0.5) };
+    journal.append(&[Action::Append(late)]);
+    let mut restarted = journal.restored(RUN);
+    assert_eq!(restarted.holdings().tiles, tiles([0; 4]));
+    assert_eq!(send(&mut restarted, SOURCE, 0, 4, &wrong), [Action::Dismiss(NODE)]);
+    // The same numbers in another run are another process.
+    let mut resumed = journal.restored(EARLIER);
+    assert_eq!(resumed.holdings().tiles, tiles([0; 4]));
+    assert_eq!(send(&mut resumed, SOURCE, 0, 0, &right), kept(SOURCE, 0, 0, &right));
+}
+
+#[test]
+fn it_reports_whose_pixels_are_in_the_frame() {
+    let (mut first, mut journal) = (state(), Journal::default());
+    for (source, tile, attempt) in [(SOURCE, 0, 0), (OTHER, 1, 0), (SOURCE, 3, 0), (SOURCE, 1, 1)] {
+        // The last one is compared, and not kept.
+        journal.append(&send(&mut first, source, tile, attempt, &planes(tile, 0.5)));
+    }
+    let shares = |state: &mut State| {
+        let actions = state.handle(Event::TellHoldings { question: 3 });
+        let [Action::Report(DisplayReport::Holdings { question: 3, holdings })] = &actions[..] else {
+            panic!("{actions:?}")
+        };
+        assert_eq!(holdings.tiles, tiles([1, 1, 0, 1]));
+        let share = |share: &crate::protocol::control::Share| (share.producer.node.0, share.tiles, share.latest.0);
+        holdings.shares.iter().map(share).collect::<Vec<_>>()
+    };
+    assert_eq!(shares(&mut first), [(7, 2, 3), (8, 1, 1)]);
+    assert_eq!(shares(&mut journal.restored(RUN)), [(7, 2, 3), (8, 1, 1)]);
+    let resumed = journal.restored(EARLIER).holdings();
+    assert!(resumed.shares.iter().all(|share| share.producer.run == EARLIER));
+}
+
+#[test]
+fn tiles_of_more_processes_than_can_be_reported_are_rendered_again() {
+    let tiling = Tiling { width: PRODUCERS_MAX as u32 / 2 + 1, height: 2, tile_width: 1, tile_height: 1 };
+    let aov = AovSet::default();
+    let mut state = State::new(&DisplayConfiguration { tiling, aov, ..configuration() }, RUN).expect("a small image");
+    for tile in 0..=PRODUCERS_MAX as u32 {
+        let producer = Producer { run: RunId(u64::from(tile)), ..Producer::default() };
+        state.restore(&Record::Pixels { tile: TileId(tile), attempt: Attempt(0), producer, planes: &[0; 12] });
+    }
+    let holdings = state.holdings();
+    assert_eq!(holdings.shares.len(), PRODUCERS_MAX);
+    assert!(!holdings.tiles.contains(TileId(PRODUCERS_MAX as u32)));
+    let report = DisplayReport::Restored(holdings);
+    crate::codec::encode(&report, &[]).expect("fits a message");
 }
 
 #[test]
@@ -190,13 +279,13 @@ fn the_order_of_tiles_does_not_change_the_hash_nor_does_a_restart_at_any_point()
         for (i, tile) in order.into_iter().enumerate() {
             if i == restart {
                 state = journal.restored(RUN);
-                assert_eq!(state.restored()[0].count_ones() as usize, i);
+                assert_eq!((0..4).filter(|tile| state.holdings().tiles.contains(TileId(*tile))).count(), i);
             }
             journal.append(&send(&mut state, SOURCE, tile, 0, &all[tile as usize]));
         }
         // What was not acknowledged before the restart comes again.
         for tile in order {
-            assert_eq!(send(&mut state, SOURCE, tile, 0, &all[tile as usize]), [acknowledged(tile, 0)]);
+            assert_eq!(send(&mut state, SOURCE, tile, 0, &all[tile as usize]), [acknowledged(SOURCE, tile, 0)]);
         }
         let Finished { frame, tiles_done, tiles_stale } = state.finish();
         assert_eq!((tiles_done, tiles_stale), (4, 0));
@@ -210,30 +299,16 @@ fn the_order_of_tiles_does_not_change_the_hash_nor_does_a_restart_at_any_point()
 }
 
 #[test]
-fn revocations_outlive_a_restart_and_not_their_run() {
-    let (mut first, mut journal) = (state(), Journal::default());
-    let (wrong, right) = (planes(0, 0.5), planes(0, 0.25));
-    journal.append(&send(&mut first, SOURCE, 0, 5, &wrong));
-    journal.append(&first.handle(Event::Revoke(vec![revocation(0, 5)])));
-    let mut restarted = journal.restored(RUN);
-    assert_eq!(send(&mut restarted, SOURCE, 0, 4, &wrong), [acknowledged(0, 4)]);
-    // Another run counts its attempts from 0.
-    let mut resumed = journal.restored(EARLIER);
-    assert_eq!(resumed.restored(), [0]);
-    assert_eq!(send(&mut resumed, SOURCE, 0, 0, &right), kept(0, 0, &right));
-}
-
-#[test]
-fn a_tile_of_an_earlier_run_is_compared_and_revoked_whatever_its_attempt() {
+fn a_tile_of_an_earlier_run_is_compared_and_taken_out_with_its_process() {
     let (mut first, mut journal) = (state(), Journal::default());
     let (wrong, right) = (planes(0, 0.5), planes(0, 0.25));
     journal.append(&send(&mut first, SOURCE, 0, 5, &wrong));
     let mut resumed = journal.restored(EARLIER);
-    assert_eq!(resumed.restored(), [1]);
     // The same numbers, but another process.
     let comparison = compared(&send(&mut resumed, SOURCE, 0, 5, &right));
-    assert_eq!((comparison.kept.source, comparison.other.source), (None, Some(SOURCE)));
-    resumed.handle(Event::Revoke(vec![revocation(0, 1)]));
+    let earlier = Producer { run: EARLIER, ..producer(SOURCE) };
+    assert_eq!((comparison.kept.producer, comparison.other.producer), (earlier, producer(SOURCE)));
+    resumed.handle(Event::Condemn(earlier));
     assert_eq!(send(&mut resumed, OTHER, 0, 2, &right).len(), 2);
     assert_eq!(resumed.finish().frame.pixels().colour[0], [0.25; 3]);
 }
@@ -244,10 +319,9 @@ fn tiles_come_from_the_nodes_of_all_clusters() {
     for tile in 0..4 {
         let bytes = planes(tile, 0.5);
         let source = (NodeId(tile as u16 * 100), Epoch(tile));
-        let actions = send(&mut state, source, tile, 0, &bytes);
-        assert!(matches!(actions[0], Action::Append(Record::Pixels { source: of, .. }) if of == source));
+        assert_eq!(send(&mut state, source, tile, 0, &bytes), kept(source, tile, 0, &bytes));
     }
-    assert_eq!(state.restored(), [0b1111]);
+    assert_eq!(state.holdings().tiles, tiles([1; 4]));
 }
 
 #[test]
@@ -263,7 +337,8 @@ fn what_is_not_a_tiles_pixels_is_refused() {
     assert!(refusal(&send(&mut state, SOURCE, 4, 0, &bytes)).contains("the image has 4 tiles"));
     // The right column's tiles are 2 pixels wide.
     assert!(refusal(&send(&mut state, SOURCE, 1, 0, &bytes)).ends_with("its pixels have 96 bytes, expected 64"));
-    let torn = TilePixels { tile: TileId(0), attempt: Attempt(2), crc32c: 1 };
+    let permit = KEY.permit(claim(SOURCE, 0, 2));
+    let torn = TilePixels { tile: TileId(0), attempt: Attempt(2), permit, crc32c: 1 };
     let actions = state.handle(Event::Tile { from: NODE, source: SOURCE, tile: torn, bytes: &bytes });
     assert!(refusal(&actions).starts_with("tile 0, attempt 2: its pixels have crc32c"));
     assert_eq!(state.finish().tiles_done, 0);

@@ -7,13 +7,15 @@ use std::thread;
 use std::time::Duration;
 
 use super::*;
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::protocol::connection::{Credentials, connect};
-use crate::protocol::control::{Bootstrap, Revocation};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, TileId};
+use crate::protocol::connection::{Credentials, Sender, connect};
+use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
+use crate::protocol::mac::{Claim, MacKey};
 use crate::tracer::{AovSet, Tiling};
 
 const TOKEN: RunToken = RunToken::new([5; 32]);
+const KEY: MacKey = MacKey::new([6; 32]);
 const SOON: Duration = Duration::from_secs(10);
 const TILES: u32 = 6;
 
@@ -25,6 +27,7 @@ fn configuration(folder: &Path, resume: bool) -> DisplayConfiguration {
         journal: folder.join("tiles"),
         resume,
         fingerprint: [1; 32],
+        key: KEY,
         image: folder.join("image.png"),
         exr: false,
     }
@@ -73,11 +76,17 @@ impl Manager {
         }
     }
 
-    /// What was restored, and a node.
-    async fn ready(&mut self) -> (Vec<u8>, Node) {
-        let DisplayReport::Restored(restored) = self.report().await else { panic!("told before it listens") };
+    /// The tiles that were restored, and where it listens.
+    async fn listens(&mut self) -> (Vec<u32>, SocketAddr) {
+        let DisplayReport::Restored(holdings) = self.report().await else { panic!("told before it listens") };
         let DisplayReport::Listening(address) = self.report().await else { panic!("listens") };
-        (restored, Node::dial(address).await)
+        ((0..TILES).filter(|tile| holdings.tiles.contains(TileId(*tile))).collect(), address)
+    }
+
+    /// The tiles that were restored, and a node.
+    async fn ready(&mut self) -> (Vec<u32>, Node) {
+        let (restored, address) = self.listens().await;
+        (restored, Node::dial(address, 2).await)
     }
 
     async fn finish(mut self) -> DisplayTotals {
@@ -96,24 +105,34 @@ impl Manager {
 }
 
 struct Node {
+    node: NodeId,
     sender: Sender<TilePixels>,
     receiver: Receiver<ImageReply>,
 }
 
 impl Node {
-    async fn dial(address: SocketAddr) -> Self {
-        let introduction = Credentials::plain(TOKEN).introduction(Role::Node(NodeId(2)), Epoch(0));
+    async fn dial(address: SocketAddr, node: u16) -> Self {
+        let node = NodeId(node);
+        let introduction = Credentials::plain(TOKEN).introduction(Role::Node(node), Epoch(0));
         let connection = connect(Role::Display, address, &introduction, SOON).await.expect("welcome");
         let (sender, receiver) = connection.split();
-        Self { sender, receiver }
+        Self { node, sender, receiver }
     }
 
     async fn send(&mut self, tile: u32, attempt: u32, planes: &[u8]) {
+        self.send_unheard(tile, attempt, planes).await.expect("awaited");
         let (tile, attempt) = (TileId(tile), Attempt(attempt));
-        let pixels = TilePixels { tile, attempt, crc32c: crc32c::crc32c(planes) };
-        self.sender.send_with_bulk(&pixels, planes).await.expect("awaited");
+        let receipt = KEY.receipt(Claim { tile, attempt, node: self.node, epoch: Epoch(0) });
         let reply = self.receiver.receive_within(SOON).await.expect("whole frames");
-        assert_eq!(reply, Some(ImageReply::Acknowledged { tile, attempt }));
+        assert_eq!(reply, Some(ImageReply::Acknowledged { tile, attempt, receipt }));
+    }
+
+    /// Without reading the reply.
+    async fn send_unheard(&mut self, tile: u32, attempt: u32, planes: &[u8]) -> Result<(), ConnectionError> {
+        let (tile, attempt) = (TileId(tile), Attempt(attempt));
+        let permit = KEY.permit(Claim { tile, attempt, node: self.node, epoch: Epoch(0) });
+        let pixels = TilePixels { tile, attempt, permit, crc32c: crc32c::crc32c(planes) };
+        self.sender.send_with_bulk(&pixels, planes).await
     }
 }
 
@@ -121,7 +140,7 @@ async fn undisturbed() -> DisplayTotals {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut manager = Manager::start(configuration(folder.path(), false)).await;
     let (restored, mut node) = manager.ready().await;
-    assert_eq!(restored, [0]);
+    assert!(restored.is_empty());
     for tile in 0..TILES {
         node.send(tile, 0, &planes(tile)).await;
     }
@@ -149,7 +168,7 @@ async fn a_display_goes_on_where_its_journal_ends() {
     let DisplayReport::Incident(dropped) = manager.report().await else { panic!("said") };
     assert!(dropped.contains("tiles: dropped the last 70 bytes"), "{dropped}");
     let (restored, mut node) = manager.ready().await;
-    assert_eq!(restored, [0b01_1010]);
+    assert_eq!(restored, [1, 3, 4]);
     // The acknowledgement of tile 3 was lost.
     for tile in [3, 0, 2, 5] {
         node.send(tile, 0, &planes(tile)).await;
@@ -159,39 +178,71 @@ async fn a_display_goes_on_where_its_journal_ends() {
 
     // A finished one, and one that starts over.
     let mut manager = Manager::start(configuration(folder.path(), true)).await;
-    assert_eq!(manager.ready().await.0, [0b11_1111]);
+    assert_eq!(manager.ready().await.0, [0, 1, 2, 3, 4, 5]);
     assert_eq!(manager.finish().await.sha256, expected);
     let mut manager = Manager::start(configuration(folder.path(), false)).await;
-    assert_eq!(manager.ready().await.0, [0]);
+    assert!(manager.ready().await.0.is_empty());
     assert_eq!(manager.finish().await.tiles_done, 0);
 }
 
 #[tokio::test]
-async fn a_wrong_tile_is_found_revoked_and_replaced() {
+async fn a_wrong_tile_is_found_and_all_of_its_process_is_replaced() {
     let expected = undisturbed().await.sha256;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut manager = Manager::start(configuration(folder.path(), false)).await;
-    let (_, mut node) = manager.ready().await;
+    let (_, address) = manager.listens().await;
+    let (mut wrong, mut right) = (Node::dial(address, 2).await, Node::dial(address, 3).await);
     for tile in 0..TILES {
         let mut planes = planes(tile);
         planes[7] ^= u8::from(tile == 2);
+        let node = if tile < 3 { &mut wrong } else { &mut right };
         node.send(tile, 0, &planes).await;
     }
     for (tile, same) in [(1, true), (2, false)] {
-        node.send(tile, 1, &planes(tile)).await;
+        right.send(tile, 1, &planes(tile)).await;
         let DisplayReport::Compared(comparison) = manager.report().await else { panic!("compared") };
         assert_eq!(comparison.kept.digest == comparison.other.digest, same);
     }
-    let revoked = vec![Revocation { tile: TileId(2), attempt: Attempt(1) }];
-    manager.to_display.send(&DisplayCommand::Revoke(revoked.clone())).await.expect("awaited");
-    assert_eq!(manager.report().await, DisplayReport::Revoked(revoked));
-    node.send(2, 2, &planes(2)).await;
+    let producer = Producer { run: TOKEN.run_id(), node: NodeId(2), epoch: Epoch(0) };
+    manager.to_display.send(&DisplayCommand::Condemn(producer)).await.expect("awaited");
+    let tiles = (0..TILES).map(|tile| tile < 3).collect();
+    assert_eq!(manager.report().await, DisplayReport::Condemned(producer, tiles));
+    for tile in 0..3 {
+        right.send(tile, 2, &planes(tile)).await;
+    }
     let totals = manager.finish().await;
     assert_eq!((totals.sha256, totals.tiles_done, totals.tiles_stale), (expected.clone(), TILES, 2));
-    // And so it stands in the journal.
+    // And so it is in the journal.
     let mut manager = Manager::start(configuration(folder.path(), true)).await;
-    assert_eq!(manager.ready().await.0, [0b11_1111]);
+    assert_eq!(manager.ready().await.0, [0, 1, 2, 3, 4, 5]);
     assert_eq!(manager.finish().await.sha256, expected);
+}
+
+/// A display that waited for it would serve nobody else.
+#[tokio::test]
+async fn a_node_that_does_not_read_is_dropped_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut manager = Manager::start(configuration(folder.path(), false)).await;
+    let (_, address) = manager.listens().await;
+    let (mut deaf, mut other) = (Node::dial(address, 2).await, Node::dial(address, 3).await);
+    let flood = tokio::spawn(async move {
+        let planes = planes(0);
+        // Until the sockets' buffers are full of replies, and the queue after them.
+        while deaf.send_unheard(0, 0, &planes).await.is_ok() {}
+    });
+    let begin = std::time::Instant::now();
+    let mut tile = 1;
+    while !flood.is_finished() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "it is never dropped");
+        manager.to_display.send(&DisplayCommand::Heartbeat).await.expect("awaited");
+        let asked = std::time::Instant::now();
+        other.send(tile, 0, &planes(tile)).await;
+        assert!(asked.elapsed() < Duration::from_secs(5), "it holds up the other");
+        tile = (tile + 1).min(TILES - 1);
+    }
+    let DisplayReport::Incident(text) = manager.report().await else { panic!("said") };
+    assert!(text.starts_with("node 2 (epoch 0) at ") && text.ends_with("did not read 64 messages"), "{text}");
+    manager.finish().await;
 }
 
 #[tokio::test]

@@ -63,7 +63,9 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
     let total = ledger.total();
     let line_bytes = state.plan.cluster.local_memory.line;
     let counted = counted(state);
-    let (status, error) = status(state.over());
+    let conservation = conservation(state, &counted, line_bytes).map(|books| books.and(recorded));
+    let imbalance = conservation.as_ref().and_then(Conservation::imbalance);
+    let (status, error) = status(state.over(), imbalance.as_deref());
     let kernel = kernel(state);
     let (octree, tests) = match kernel {
         Some(Kernel::Single) => (facts.octree.with_accesses(&total.trace), Some(Tests::new(&total.trace))),
@@ -81,6 +83,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
             height: image.height,
             sha256: ledger.display.as_ref().map(|display| display.sha256.clone()),
             non_finite_pixels: total.trace.non_finite_pixels,
+            unverified: imbalance.clone(),
             files: ledger.display.as_ref().map_or_else(Vec::new, |display| display.written.clone()),
         },
         kernel,
@@ -109,7 +112,9 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
             Memory::new(&all, line_bytes, facts.local_bytes)
         }),
         bus: bus(state),
-        conservation: conservation(state, &counted, line_bytes).map(|books| books.and(recorded)),
+        conservation,
+        verification: (!state.display.shares.is_empty())
+            .then(|| state.verification.report(&state.display.shares, state.plan.id)),
         incidents: ledger.incidents(),
         chaos: None,
         seconds: Seconds {
@@ -122,12 +127,15 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
     }
 }
 
-fn status(cause: Option<&Cause>) -> (Status, Option<String>) {
-    match cause {
-        Some(Cause::Complete) => (Status::Done, None),
-        Some(Cause::NoNodes) | None => (Status::TilesMissing, None),
-        Some(Cause::Interrupted(_)) => (Status::Interrupted, None),
-        Some(Cause::Failed(why)) => (Status::Failed, Some(why.clone())),
+fn status(cause: Option<&Cause>, imbalance: Option<&str>) -> (Status, Option<String>) {
+    match (cause, imbalance) {
+        (Some(Cause::Complete | Cause::NoNodes) | None, Some(imbalance)) => {
+            (Status::Failed, Some(format!("the books do not hold, and the image is not to be relied on: {imbalance}")))
+        }
+        (Some(Cause::Complete), None) => (Status::Done, None),
+        (Some(Cause::NoNodes) | None, None) => (Status::TilesMissing, None),
+        (Some(Cause::Interrupted(_)), _) => (Status::Interrupted, None),
+        (Some(Cause::Failed(why)), _) => (Status::Failed, Some(why.clone())),
     }
 }
 

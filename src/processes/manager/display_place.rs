@@ -5,9 +5,9 @@ use std::net::SocketAddr;
 
 use super::process::{Command, ProcessId, Stage};
 use super::state::{FAILURES_MAX, Phase, State};
-use super::verification::{Producer, Verdict};
-use crate::ids::{Epoch, TileId};
-use crate::protocol::control::{Comparison, DisplayCommand, NodeCommand, REVOCATIONS_MAX, Revocation};
+use super::verification::Verdict;
+use crate::ids::{Epoch, NodeId, Producer, TileId};
+use crate::protocol::control::{Comparison, DisplayCommand, Holdings, NodeCommand, Share, TileSet};
 use crate::protocol::hello::Role;
 
 #[derive(Debug, Default)]
@@ -16,8 +16,13 @@ pub(super) struct DisplayPlace {
     pub(super) address: Option<SocketAddr>,
     /// Since the last tile done.
     pub(super) failures: u32,
-    /// Whether it has told all comparisons of tiles that are done; `None`: it was not asked.
-    told_all: Option<bool>,
+    /// Whether it has reported what it holds, and with that everything it found before; `None`: it was not asked since
+    /// something changed.
+    has_told_all: Option<bool>,
+    /// The number of the latest question what it holds.
+    pub(super) question: u32,
+    /// What it held of each process when it reported last.
+    pub(super) shares: Vec<Share>,
 }
 
 impl State {
@@ -25,20 +30,20 @@ impl State {
         ProcessId { role: Role::Display, epoch: self.display.epoch }
     }
 
-    /// The display has read the journal: a bit a tile.
-    pub(super) fn restored(&mut self, tiles: &[u8]) {
-        let has = |tile| is_set(tiles, tile);
+    pub(super) fn producer(&self, node: NodeId, epoch: Epoch) -> Producer {
+        Producer { run: self.plan.id, node, epoch }
+    }
+
+    /// The display has read the journal.
+    pub(super) fn restored(&mut self, holdings: &Holdings) {
         if self.display.epoch == Epoch(0) {
-            self.ledger.resumed = self.queue.resume(has);
+            self.ledger.resumed = self.queue.resume(|tile| holdings.tiles.contains(tile));
+            for (tile, except) in self.verification.resume(holdings, self.queue.total()) {
+                self.queue.check(tile, except);
+            }
             return;
         }
-        let lost = self.queue.redo(has);
-        if !lost.is_empty() {
-            let count = lost.len();
-            lost.into_iter().for_each(|tile_of| self.ledger.take_back(tile_of));
-            self.ledger
-                .incident(self.now, format!("the journal lacks {count} tiles that were done: they are done again"));
-        }
+        self.require(holdings, "the journal");
     }
 
     pub(super) fn display_listens(&mut self, id: ProcessId, address: SocketAddr) {
@@ -47,11 +52,9 @@ impl State {
         let nodes = self.table.nodes().filter(|node| (Stage::Serving..Stage::Finished).contains(&node.stage));
         let nodes: Vec<_> = nodes.map(|node| node.id).collect();
         nodes.into_iter().for_each(|node| self.tell(node, Command::Node(NodeCommand::Display(address))));
-        // What its predecessor was asked, it may not have done.
-        let unconfirmed = self.queue.unconfirmed();
-        self.tell_to_forget(&unconfirmed);
+        // Its predecessor may not have done what it was asked.
         let condemned: Vec<_> = self.verification.condemned().collect();
-        condemned.into_iter().for_each(|process| self.ask_for_tiles_of(process));
+        condemned.into_iter().for_each(|process| self.ask_to_condemn(process));
         self.ask_for_comparisons();
         self.configure_nodes();
     }
@@ -71,7 +74,7 @@ impl State {
         if was_expected {
             return;
         }
-        (self.display.address, self.display.told_all) = (None, None);
+        (self.display.address, self.display.has_told_all) = (None, None);
         self.display.failures += 1;
         let is_needed = matches!(self.phase, Phase::Running) || self.is_ending_in_peace();
         if !is_needed || self.display.failures >= FAILURES_MAX {
@@ -82,124 +85,120 @@ impl State {
         self.spawn(self.display_process());
     }
 
-    /// Whether the display has nothing more to tell of what it compared. A tile may be done before the comparison
-    /// arrives that came of it: what is told after it is asked to forget nothing is told after all of those.
+    /// Whether the display has reported what it holds since something changed, and with that everything that it compared.
+    /// A tile may be done before the report of a comparison that came of it arrives.
     pub(super) fn has_told_all(&mut self) -> bool {
-        if !self.verification.is_in_force() {
-            return true;
+        if self.display.has_told_all.is_none() {
+            self.display.has_told_all = Some(false);
+            self.display.question += 1;
+            let question = DisplayCommand::TellHoldings { question: self.display.question };
+            self.tell(self.display_process(), Command::Display(question));
         }
-        if self.display.told_all.is_none() {
-            self.display.told_all = Some(false);
-            self.tell(self.display_process(), Command::Display(DisplayCommand::Revoke(Vec::new())));
-        }
-        self.display.told_all == Some(true)
+        self.display.has_told_all == Some(true)
     }
 
-    /// Tiles are missing: whatever was told, more will be compared.
-    pub(super) fn expect_comparisons(&mut self) {
-        self.display.told_all = None;
+    /// What the display reported last is not the end of it.
+    pub(super) fn expect_more_of_display(&mut self) {
+        self.display.has_told_all = None;
     }
 
-    /// The display has forgotten these.
-    pub(super) fn revoked(&mut self, revocations: &[Revocation]) {
-        revocations.iter().for_each(|revocation| self.queue.forgotten(revocation.tile));
-        if let (true, Some(told_all)) = (revocations.is_empty(), &mut self.display.told_all) {
-            *told_all = true;
+    /// What is in the frame, compared with what is done: nothing is missing there because a process said so.
+    pub(super) fn holds(&mut self, question: u32, holdings: Holdings) {
+        if self.display.has_told_all.is_none() || question != self.display.question {
+            // Asked before something changed.
+            return;
         }
+        self.display.has_told_all = Some(true);
+        self.require(&holdings, "the display");
+        self.display.shares = holdings.shares;
     }
 
-    /// Two results of a tile were held against each other.
+    /// What is done and is not there is done again or, after the last tile, a failure.
+    fn require(&mut self, holdings: &Holdings, place: &str) {
+        let tiles = self.redo(|tile, _| !holdings.tiles.contains(tile));
+        if tiles == 0 {
+            return;
+        }
+        let lacking = format!("{place} lacks {tiles} tiles that were done");
+        if self.is_completing() {
+            return self.fail(lacking);
+        }
+        self.ledger.incident(self.now, format!("{lacking}: they are done again"));
+    }
+
+    /// Two results of a tile were compared.
     pub(super) fn compared(&mut self, comparison: &Comparison) {
         let tile = comparison.tile;
         if tile.0 >= self.queue.total() {
             return self.doom(self.display_process(), format!("compared {tile} of an image of {}", self.queue.total()));
         }
-        if !matches!(self.phase, Phase::Running) {
-            // Nobody is left to do anything again.
-            if comparison.kept.digest != comparison.other.digest {
-                self.ledger.incident(self.now, format!("two results of {tile} differ, as was found when all was over"));
-            }
-            return;
-        }
-        let Some(kept_by) = comparison.kept.source.or_else(|| self.queue.producer(tile)) else {
-            if comparison.kept.digest != comparison.other.digest {
-                self.ledger.incident(self.now, format!("{tile} of the journal differs from what is rendered now"));
-            }
-            return;
-        };
-        match self.verification.judge(comparison, kept_by) {
+        match self.verification.judge(comparison) {
             Verdict::Agreed => {}
             Verdict::Dispute { except } => {
                 let names: Vec<_> = except.iter().map(ToString::to_string).collect();
                 self.ledger.incident(self.now, format!("{} disagree about {tile}", names.join(" and ")));
-                self.queue.check(tile, except);
+                self.queue.settle(tile, except);
+                if self.is_completing() {
+                    self.fail(format!("two results of {tile} differ, which was found after the last tile"));
+                }
             }
             Verdict::Wrong(processes) => {
                 for process in processes {
-                    self.condemn(process, tile, process == kept_by);
+                    self.condemn(process, &format!("other nodes agree on other pixels of {tile}"));
                 }
             }
         }
     }
 
-    /// A process rendered a tile wrongly: it is ended, its node set aside, and all it did is done again.
-    fn condemn(&mut self, process: Producer, tile: TileId, was_kept: bool) {
-        let (node, epoch) = process;
-        let mut tiles = self.queue.tiles_by(process);
-        if was_kept && !tiles.contains(&tile) {
-            tiles.push(tile);
-        }
-        if self.verification.condemn(process, &tiles) {
-            let count = tiles.len();
-            self.ledger.forget(process);
-            self.ledger.incident(
-                self.now,
-                format!("{node} ({epoch}) is corrupt: others agree on other pixels of {tile}; its {count} tiles are done again"),
-            );
-            self.doom(ProcessId { role: Role::Node(node), epoch }, "was corrupt".to_owned());
-            self.set_aside(node, "it is corrupt");
-        }
-        self.revoke(&tiles);
-        self.ask_for_tiles_of(process);
-    }
-
-    /// The display may hold a condemned process' pixels of a tile that counts as another one's: a display that died has
-    /// compared the two, and did not tell.
-    fn ask_for_tiles_of(&mut self, (node, epoch): Producer) {
-        self.expect_comparisons();
-        self.tell(self.display_process(), Command::Display(DisplayCommand::TilesOf(node, epoch)));
-    }
-
-    /// The display holds these tiles of a process.
-    pub(super) fn holds_of(&mut self, process: Producer, tiles: &[u8]) {
-        if !matches!(self.phase, Phase::Running) || !self.verification.is_condemned(process) {
+    /// A process is wrong, or forges what it reports: it is ended, its node is quarantined, and all that it did is done
+    /// again, whichever run it was part of.
+    pub(super) fn condemn(&mut self, process: Producer, why: &str) {
+        if !self.verification.condemn(process) {
             return;
         }
-        let tiles: Vec<_> = (0..self.queue.total()).map(TileId).filter(|&tile| is_set(tiles, tile)).collect();
-        self.revoke(&tiles);
-    }
-
-    /// These tiles are to be done again.
-    pub(super) fn revoke(&mut self, tiles: &[TileId]) {
-        for &tile in tiles {
-            // The frame's pixels of a tile and those that were counted may be two processes'.
-            if self.queue.accepted(tile).is_some() {
-                self.ledger.take_back(self.queue.producer(tile));
-            }
+        self.ledger.forget(process);
+        let tiles = self.redo(|_, by| by == Some(process));
+        let Producer { run, node, epoch } = process;
+        if run == self.plan.id {
+            self.ledger.incident(
+                self.now,
+                format!("{node} ({epoch}) is condemned: {why}; its {tiles} tiles so far are done again"),
+            );
+            self.doom(ProcessId { role: Role::Node(node), epoch }, "was condemned".to_owned());
+            self.set_aside(node, "it is condemned");
+        } else {
+            self.ledger.incident(
+                self.now,
+                format!("{node} ({epoch}) of an earlier run is condemned: {why}; its tiles are done again"),
+            );
         }
-        let revocations: Vec<_> = tiles.iter().filter_map(|&tile| self.queue.revoke(tile)).collect();
-        self.tell_to_forget(&revocations);
-    }
-
-    fn tell_to_forget(&mut self, revocations: &[Revocation]) {
-        let display = self.display_process();
-        for some in revocations.chunks(REVOCATIONS_MAX) {
-            self.tell(display, Command::Display(DisplayCommand::Revoke(some.to_vec())));
+        self.ask_to_condemn(process);
+        if self.is_completing() {
+            self.fail(format!("{node} ({epoch}) was condemned after the last tile: {why}"));
         }
     }
-}
 
-/// Of a bit a tile.
-fn is_set(tiles: &[u8], tile: TileId) -> bool {
-    tiles.get(tile.0 as usize / 8).is_some_and(|byte| byte >> (tile.0 % 8) & 1 == 1)
+    /// Only the display knows all that it has of a process: a display that died may have kept pixels of which this manager
+    /// knows nothing.
+    fn ask_to_condemn(&mut self, process: Producer) {
+        self.expect_more_of_display();
+        self.tell(self.display_process(), Command::Display(DisplayCommand::Condemn(process)));
+    }
+
+    /// The display has taken these tiles of a condemned process out of the frame.
+    pub(super) fn taken_out(&mut self, process: Producer, tiles: &TileSet) {
+        if self.verification.is_condemned(process) {
+            self.redo(|tile, _| tiles.contains(tile));
+        }
+    }
+
+    /// Tiles that are done, and that `is_gone` chooses, are to be done again. How many there are.
+    fn redo(&mut self, is_gone: impl Fn(TileId, Option<Producer>) -> bool) -> usize {
+        let redone = self.queue.redo(is_gone);
+        for &(tile, by) in &redone {
+            self.verification.forget(tile);
+            self.ledger.take_back(by);
+        }
+        redone.len()
+    }
 }

@@ -52,10 +52,17 @@ impl State {
         matches!(&self.phase, Phase::Ending(Ending { cause: Cause::Complete | Cause::NoNodes, .. }))
     }
 
+    /// Whether the run is about to end as complete.
+    pub(super) fn is_completing(&self) -> bool {
+        matches!(&self.phase, Phase::Ending(Ending { cause: Cause::Complete, .. }))
+    }
+
     /// Begins the end.
     pub(super) fn end(&mut self, cause: Cause) {
         let deadline = self.now + self.patience(&cause, Step::Nodes);
         let gently = cause == Cause::Complete;
+        // What is under way to the display, or found by it, is not to be missed.
+        self.expect_more_of_display();
         self.phase = Phase::Ending(Ending { cause, step: Step::Nodes, deadline, forced: false });
         let nodes: Vec<_> = self.table.nodes().map(|node| (node.id, node.stage)).collect();
         for (id, stage) in nodes {
@@ -177,11 +184,13 @@ impl State {
         }
     }
 
-    /// Asks the display for the image, once; one that came in the place of another must be there first.
+    /// Asks the display for the image, once, after it has reported what it holds; one that came in the place of another
+    /// must be there first.
     fn finish_display(&mut self) {
         let id = self.display_process();
         let in_peace = self.is_ending_in_peace();
         match self.table.get_mut(id).map(|display| display.stage) {
+            Some(Stage::Serving) if !self.has_told_all() => {}
             Some(Stage::Serving) => {
                 self.tell_to_finish(id);
                 self.enter(id, Stage::Working);

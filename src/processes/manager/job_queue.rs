@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
-use crate::protocol::control::{LostAttempt, Revocation, TileGrant};
+use crate::ids::{Attempt, ClusterId, NodeId, Producer, TileId};
+use crate::protocol::control::{LostAttempt, TileGrant};
 use crate::tile_order;
 use crate::topology::{Assignment, Cluster, MemorySize, Run};
 use crate::tracer::Tiling;
@@ -51,8 +51,6 @@ struct Tile {
     place: Place,
     /// Attempts so far: the number of the next one.
     attempts: u32,
-    /// Results of earlier attempts than this one do not count.
-    valid_from: u32,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -63,10 +61,8 @@ enum Place {
     Done {
         attempt: Attempt,
         /// `None`: before this run, as the journal says.
-        by: Option<(NodeId, Epoch)>,
+        by: Option<Producer>,
     },
-    /// What the display holds is wrong; it has not confirmed yet that it forgets it.
-    Revoked,
 }
 
 #[derive(Clone, Debug)]
@@ -104,7 +100,7 @@ impl JobQueue {
             Assignment::Interleaved => (0..clusters.all_nodes()).map(|node| Some(NodeId(node))).collect(),
         };
         let lanes = nodes_of_lanes.into_iter().map(|node| Lane { node, waiting: VecDeque::new(), out: 0 });
-        let waiting = Tile { lane: 0, place: Place::Waiting, attempts: 0, valid_from: 0 };
+        let waiting = Tile { lane: 0, place: Place::Waiting, attempts: 0 };
         let mut queue = Self {
             clusters,
             lanes: lanes.collect(),
@@ -169,20 +165,6 @@ impl JobQueue {
         }
     }
 
-    /// Who did a tile that is part of the image.
-    pub(super) fn producer(&self, tile: TileId) -> Option<(NodeId, Epoch)> {
-        match self.tiles.get(tile.0 as usize)?.place {
-            Place::Done { by, .. } => by,
-            _ => None,
-        }
-    }
-
-    /// The tiles of the image that a process has done.
-    pub(super) fn tiles_by(&self, process: (NodeId, Epoch)) -> Vec<TileId> {
-        let ids = (0..self.total()).map(TileId);
-        ids.filter(|&tile| self.producer(tile) == Some(process)).collect()
-    }
-
     /// Attempts after a tile's first.
     pub(super) fn reissued(&self) -> u64 {
         self.reissued
@@ -239,7 +221,7 @@ impl JobQueue {
             return None;
         }
         let patience = self.straggle_min.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
-        // A done tile's other attempt may still be out; so may one that was revoked.
+        // A done tile's other attempt may still be out; so may one from before it had to be done again.
         let is_alone = |tile: TileId| self.tiles[tile.0 as usize].place == Place::Out && self.out_of(tile).count() == 1;
         let late = self.out.iter().filter(|((tile, _), out)| {
             // A cluster of one node cannot help itself.
@@ -270,17 +252,11 @@ impl JobQueue {
     }
 
     /// An attempt is complete, and the display has its pixels.
-    pub(super) fn complete(
-        &mut self,
-        tile: TileId,
-        attempt: Attempt,
-        by: (NodeId, Epoch),
-        now: Duration,
-    ) -> Completion {
+    pub(super) fn complete(&mut self, tile: TileId, attempt: Attempt, by: Producer, now: Duration) -> Completion {
         let Some(out) = self.out.remove(&(tile, attempt)) else { return Completion::Unknown };
         let entry = &mut self.tiles[tile.0 as usize];
         let is_awaited = matches!(entry.place, Place::Out | Place::Waiting);
-        if !is_awaited || attempt.0 < entry.valid_from || matches!(out.kind, Kind::Check(_)) {
+        if !is_awaited || matches!(out.kind, Kind::Check(_)) {
             return Completion::Extra;
         }
         let lane = &mut self.lanes[usize::from(entry.lane)];
@@ -299,12 +275,9 @@ impl JobQueue {
     /// An attempt came to nothing: the tile waits again, ahead of the others, unless somebody else has it.
     pub(super) fn lose(&mut self, tile: TileId, attempt: Attempt) -> bool {
         let Some(out) = self.out.remove(&(tile, attempt)) else { return false };
-        let valid_from = Attempt(self.tiles[tile.0 as usize].valid_from);
-        let valid = self.out.range((tile, valid_from)..=(tile, Attempt(u32::MAX)));
-        let is_out = valid.into_iter().any(|(_, other)| !matches!(other.kind, Kind::Check(_)));
+        let is_out = self.out_of(tile).any(|(_, other)| !matches!(other.kind, Kind::Check(_)));
         let entry = &mut self.tiles[tile.0 as usize];
         match out.kind {
-            _ if attempt < valid_from => {}
             Kind::Check(except) => self.checks.push_front((tile, except)),
             _ if entry.place == Place::Out && !is_out => {
                 entry.place = Place::Waiting;
@@ -343,6 +316,13 @@ impl JobQueue {
         self.checks.push_back((tile, except));
     }
 
+    /// A tile is in dispute: a check that is for none of these nodes takes the place of one that waits. However often a
+    /// node disputes a tile, one check waits.
+    pub(super) fn settle(&mut self, tile: TileId, except: Vec<NodeId>) {
+        self.checks.retain(|(waiting, _)| *waiting != tile);
+        self.checks.push_front((tile, except));
+    }
+
     /// Checks that wait, and that are for none of these nodes, are given up.
     pub(super) fn give_up_checks(&mut self, available: &[NodeId]) -> Vec<TileId> {
         let (kept, given_up) = std::mem::take(&mut self.checks)
@@ -356,43 +336,6 @@ impl JobQueue {
     pub(super) fn checks(&self, tile: TileId) -> bool {
         self.checks.iter().any(|(waiting, _)| *waiting == tile)
             || self.out_of(tile).any(|(_, out)| matches!(out.kind, Kind::Check(_)))
-    }
-
-    /// What the display holds of a tile is wrong, and what is under way does not count. The display is to be told; see
-    /// [`Self::forgotten`].
-    pub(super) fn revoke(&mut self, tile: TileId) -> Option<Revocation> {
-        let entry = self.tiles.get_mut(tile.0 as usize)?;
-        let lane = &mut self.lanes[usize::from(entry.lane)];
-        match entry.place {
-            Place::Done { .. } => self.missing += 1,
-            Place::Out => lane.out -= 1,
-            Place::Waiting => lane.waiting.retain(|&waiting| waiting != tile),
-            Place::Revoked => return None,
-        }
-        entry.place = Place::Revoked;
-        entry.valid_from = entry.attempts;
-        self.checks.retain(|(waiting, _)| *waiting != tile);
-        // What the display holds came of an attempt: there was one.
-        Some(Revocation { tile, attempt: Attempt(entry.attempts.saturating_sub(1)) })
-    }
-
-    /// The display has forgotten the tile: it waits again.
-    pub(super) fn forgotten(&mut self, tile: TileId) {
-        let Some(entry) = self.tiles.get_mut(tile.0 as usize) else { return };
-        if entry.place == Place::Revoked {
-            entry.place = Place::Waiting;
-            self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
-        }
-    }
-
-    /// Revoked tiles that the display has not forgotten yet.
-    pub(super) fn unconfirmed(&self) -> Vec<Revocation> {
-        let revoked = self.tiles.iter().enumerate().filter(|(_, tile)| tile.place == Place::Revoked);
-        let revocation = |(i, tile): (usize, &Tile)| Revocation {
-            tile: TileId(i as u32),
-            attempt: Attempt(tile.valid_from.saturating_sub(1)),
-        };
-        revoked.map(revocation).collect()
     }
 
     /// Takes over what the display has of an earlier run; `has` says which tiles. To be called before any is issued.
@@ -412,20 +355,28 @@ impl JobQueue {
         resumed
     }
 
-    /// A display that came after another one has not all of what is done: the rest is done again. Who had done each.
-    pub(super) fn redo(&mut self, has: impl Fn(TileId) -> bool) -> Vec<Option<(NodeId, Epoch)>> {
+    /// Done tiles that `is_gone` chooses, by tile and its producer, are to be done again: the display does not have them,
+    /// or is about to take them out. The producers, a tile each; `None`: of an earlier run.
+    pub(super) fn redo(
+        &mut self,
+        is_gone: impl Fn(TileId, Option<Producer>) -> bool,
+    ) -> Vec<(TileId, Option<Producer>)> {
         let mut redone = Vec::new();
         for (i, entry) in self.tiles.iter_mut().enumerate().rev() {
             let tile = TileId(i as u32);
             if let Place::Done { by, .. } = entry.place
-                && !has(tile)
+                && is_gone(tile, by)
             {
                 entry.place = Place::Waiting;
                 self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
-                redone.push(by);
+                redone.push((tile, by));
             }
         }
         self.missing += redone.len() as u32;
+        if !redone.is_empty() {
+            let tiles = &self.tiles;
+            self.checks.retain(|(tile, _)| matches!(tiles[tile.0 as usize].place, Place::Done { .. }));
+        }
         redone
     }
 }

@@ -1,12 +1,13 @@
 //! The job queue, event by event.
 
 use super::*;
+use crate::ids::{Epoch, RunId};
 use crate::processes::manager::sample;
 use crate::topology::TileOrder;
 
 const FIRST: ClusterId = ClusterId(0);
 const NOW: Duration = Duration::ZERO;
-const BY: (NodeId, Epoch) = (NodeId(0), Epoch(0));
+const BY: Producer = Producer { run: RunId(1), node: NodeId(0), epoch: Epoch(0) };
 
 fn queue(assignment: Assignment, tiles: u32, nodes: u16, count: u16) -> JobQueue {
     let tiling = Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 };
@@ -126,21 +127,20 @@ fn a_check_is_for_another_node_and_comes_back_when_it_is_lost() {
 }
 
 #[test]
-fn a_revoked_tile_waits_for_the_display_and_takes_no_earlier_result() {
-    let mut queue = queue(Assignment::OnDemand, 1, 2, 1);
-    granted(&mut queue, 0, 1, NOW);
-    done(&mut queue, 0, 0);
-    assert_eq!(queue.tiles_by(BY), [TileId(0)]);
+fn tiles_that_are_done_again_take_any_result_that_is_still_out() {
+    let mut queue = queue(Assignment::OnDemand, 3, 2, 1);
+    granted(&mut queue, 0, 3, NOW);
+    (0..2).for_each(|tile| assert_eq!(done(&mut queue, tile, 0), Completion::Accepted));
     queue.check(TileId(0), vec![]);
-    granted(&mut queue, 0, 1, NOW);
-    let revocation = queue.revoke(TileId(0)).expect("done");
-    assert_eq!((revocation, queue.missing()), (Revocation { tile: TileId(0), attempt: Attempt(1) }, 1));
-    assert_eq!(queue.unconfirmed(), [revocation]);
-    assert_eq!(granted(&mut queue, 0, 1, NOW), []);
-    assert_eq!(done(&mut queue, 0, 1), Completion::Extra);
-    queue.forgotten(TileId(0));
+    queue.check(TileId(1), vec![]);
     assert_eq!(granted(&mut queue, 0, 1, NOW), [(0, None)]);
+    assert_eq!(queue.redo(|_, by| by == Some(BY)), [(TileId(1), Some(BY)), (TileId(0), Some(BY))]);
+    assert_eq!((queue.missing(), queue.checks(TileId(1))), (3, false), "nothing is there to be compared with");
+    // The check that is out counts for nothing, whatever it brings.
+    assert_eq!(done(&mut queue, 0, 1), Completion::Extra);
+    assert_eq!(granted(&mut queue, 0, 9, NOW), [(0, None), (1, None)]);
     assert_eq!(done(&mut queue, 0, 2), Completion::Accepted);
+    assert_eq!(queue.redo(|tile, _| tile == TileId(2)), [], "it is not done");
 }
 
 #[test]
@@ -149,7 +149,8 @@ fn a_journal_is_taken_over_and_what_a_later_one_lacks_is_done_again() {
     assert_eq!(queue.resume(|tile| tile.0 % 2 == 0), 2);
     assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (3, None)]);
     assert_eq!((done(&mut queue, 1, 0), queue.missing()), (Completion::Accepted, 1));
-    assert_eq!(queue.redo(|tile| tile.0 != 1 && tile.0 != 2), [None, Some(BY)]);
+    let redone = queue.redo(|tile, _| tile.0 == 1 || tile.0 == 2);
+    assert_eq!(redone, [(TileId(2), None), (TileId(1), Some(BY))]);
     assert_eq!(granted(&mut queue, 0, 9, NOW), [(1, None), (2, None)]);
     assert_eq!(queue.missing(), 3);
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, Producer};
 use crate::machine::stats::{Counters, MemoryStats};
 use crate::protocol::control::{BusTotals, DisplayTotals, LostAttempt, MasterTotals, Packets};
 use crate::protocol::work::TileDone;
@@ -16,7 +16,7 @@ const INCIDENTS_MAX: usize = 1000;
 #[derive(Debug, Default)]
 pub(super) struct Ledger {
     /// What each process of a node counted in its accepted tiles; those that were wrong are taken out.
-    accounts: BTreeMap<(NodeId, Epoch), Account>,
+    accounts: BTreeMap<Producer, Account>,
     /// Of each cluster, from its start to its death or the end of the run.
     pub(super) books: BTreeMap<(ClusterId, Epoch), Book>,
     /// What nodes trace with that hold the whole database, each the same.
@@ -51,6 +51,8 @@ pub(super) struct Book {
     /// What they missed.
     pub(super) missed: Counters,
     pub(super) lost: Vec<LostAttempt>,
+    /// Attempts told done by a process that is condemned: what it counted is not believed.
+    pub(super) disowned: Vec<LostAttempt>,
     pub(super) bus: Option<BusTotals>,
     pub(super) master: Option<MasterTotals>,
 }
@@ -59,7 +61,7 @@ impl Account {
     fn add(&mut self, other: &Self) {
         self.tiles += other.tiles;
         self.trace.add(&other.trace);
-        self.render_cpu_nanoseconds += other.render_cpu_nanoseconds;
+        self.render_cpu_nanoseconds = self.render_cpu_nanoseconds.saturating_add(other.render_cpu_nanoseconds);
         if let Some(memory) = &other.memory {
             self.memory.get_or_insert_default().add(memory);
         }
@@ -77,9 +79,9 @@ impl Account {
 
 impl Ledger {
     /// Books a tile that became part of the image.
-    pub(super) fn accept(&mut self, now: Duration, by: (NodeId, Epoch), done: &TileDone) {
+    pub(super) fn accept(&mut self, now: Duration, by: Producer, done: &TileDone) {
         self.last_tile = Some(now);
-        self.rays += done.trace.all_rays();
+        self.rays = self.rays.saturating_add(done.trace.all_rays());
         self.accounts.entry(by).or_default().add(&Account::of(done));
     }
 
@@ -92,10 +94,17 @@ impl Ledger {
         }
     }
 
+    /// Books what a master told done by a process that is condemned: its fetches are those of a lost attempt.
+    pub(super) fn disown(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
+        let book = self.books.entry(cluster).or_default();
+        book.told_done += 1;
+        book.disowned.push(LostAttempt { tile: done.tile, attempt: done.attempt });
+    }
+
     /// Takes out of the books what a process counted: all of it is done again.
-    pub(super) fn forget(&mut self, process: (NodeId, Epoch)) {
+    pub(super) fn forget(&mut self, process: Producer) {
         let forgotten = self.accounts.remove(&process);
-        self.rays -= forgotten.map_or(0, |account| account.trace.all_rays());
+        self.rays = self.rays.saturating_sub(forgotten.map_or(0, |account| account.trace.all_rays()));
     }
 
     /// Rays of all kinds in accepted tiles.
@@ -108,7 +117,7 @@ impl Ledger {
     }
 
     /// A tile is done again that is counted there, or as an earlier run's; what it took stays counted.
-    pub(super) fn take_back(&mut self, tile_of: Option<(NodeId, Epoch)>) {
+    pub(super) fn take_back(&mut self, tile_of: Option<Producer>) {
         match tile_of {
             None => self.resumed = self.resumed.saturating_sub(1),
             Some(process) => {
@@ -122,8 +131,8 @@ impl Ledger {
     /// What each of so many nodes counted, by its processes together.
     pub(super) fn nodes(&self, nodes: u16) -> Vec<Account> {
         let mut all = vec![Account::default(); usize::from(nodes)];
-        for ((node, _), account) in &self.accounts {
-            if let Some(all) = all.get_mut(usize::from(node.0)) {
+        for (by, account) in &self.accounts {
+            if let Some(all) = all.get_mut(usize::from(by.node.0)) {
                 all.add(account);
             }
         }
@@ -137,20 +146,26 @@ impl Ledger {
         total
     }
 
-    pub(super) fn incident(&mut self, now: Duration, text: String) {
-        tracing::warn!("{text}");
+    pub(super) fn incident(&mut self, now: Duration, text: impl AsRef<str>) {
         if self.incidents.len() < INCIDENTS_MAX {
-            self.incidents.push(Incident { seconds: now.as_secs_f64(), text });
+            let incident = Incident::new(now, text.as_ref());
+            tracing::warn!("{}", incident.text);
+            self.incidents.push(incident);
         } else {
-            self.incidents_dropped += 1;
+            self.drop_incident();
         }
+    }
+
+    /// Counts an incident that is not kept.
+    pub(super) fn drop_incident(&mut self) {
+        self.incidents_dropped += 1;
     }
 
     /// All of them, the last one saying how many more there were.
     pub(super) fn incidents(&self) -> Vec<Incident> {
         let mut incidents = self.incidents.clone();
         if let (Some(last), 1..) = (incidents.last(), self.incidents_dropped) {
-            let text = format!("{} more incidents, see the logs", self.incidents_dropped);
+            let text = format!("{} more incidents, counted only", self.incidents_dropped);
             incidents.push(Incident { seconds: last.seconds, text });
         }
         incidents
@@ -160,11 +175,12 @@ impl Ledger {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ids::{Attempt, TileId};
+    use crate::ids::{Attempt, NodeId, TileId};
 
     #[test]
     fn a_tile_that_is_done_again_is_counted_once() {
-        let (one, other) = ((NodeId(0), Epoch(0)), (NodeId(1), Epoch(0)));
+        let by = |node| Producer { node: NodeId(node), ..Producer::default() };
+        let (one, other) = (by(0), by(1));
         let done = TileDone {
             tile: TileId(0),
             attempt: Attempt(0),
@@ -177,7 +193,7 @@ mod tests {
         ledger.take_back(Some(one));
         ledger.accept(Duration::ZERO, other, &done);
         ledger.take_back(None);
-        ledger.take_back(Some((NodeId(2), Epoch(0))));
+        ledger.take_back(Some(by(2)));
         let total = ledger.total();
         assert_eq!((total.tiles, total.render_cpu_nanoseconds, ledger.resumed), (1, 10, 0));
     }
@@ -188,6 +204,6 @@ mod tests {
         (0..1500).for_each(|i| ledger.incident(Duration::from_secs(i), format!("{i}")));
         let incidents = ledger.incidents();
         assert_eq!(incidents.len(), INCIDENTS_MAX + 1);
-        assert_eq!(incidents[INCIDENTS_MAX].text, "500 more incidents, see the logs");
+        assert_eq!(incidents[INCIDENTS_MAX].text, "500 more incidents, counted only");
     }
 }

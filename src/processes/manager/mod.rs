@@ -55,6 +55,7 @@ use crate::keys::{Identity, KeysError, RoleKind};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::RunToken;
+use crate::protocol::mac::MacKey;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
 use crate::topology::{Cluster, MemorySize, Placement, Topology};
@@ -105,14 +106,17 @@ impl fmt::Display for Interrupt {
     }
 }
 
-/// How a run ended that did not fail.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+/// How a run ended that began.
+#[derive(Clone, PartialEq, Eq, Debug)]
 pub enum RunEnd {
     Done,
     /// Every node is set aside; the image is partial.
     TilesMissing,
     /// By this signal; the image is partial, unless all tiles were done.
     Interrupted(Interrupt),
+    /// Why: a process that cannot be replaced died, or the image is not to be relied on. The image is there if the display
+    /// lived.
+    Failed(String),
 }
 
 #[derive(Clone, Debug)]
@@ -158,10 +162,6 @@ pub enum RunError {
     Telemetry(#[from] TelemetryError),
     #[error("the system has no {what}: {error}")]
     System { what: &'static str, error: String },
-    /// A process that cannot be replaced died; which, and how. The report is written, and the partial image if
-    /// the display lived.
-    #[error("{0}")]
-    Process(String),
 }
 
 impl RunError {
@@ -242,7 +242,10 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Err(TelemetryError::Started) => {}
         started => started?,
     }
+    let secret = secret()?;
     let plan = Plan {
+        id: secret.run_id(),
+        key: MacKey::new(token::random_bytes().map_err(no_randomness)?),
         cluster: topology.cluster,
         placement,
         octree: topology.octree,
@@ -259,7 +262,6 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         image: folder.image(),
         recording: folder.recording(),
     };
-    let secret = secret()?;
     let joiners_token = (plan.placement.has_joiners() && request.keys.is_none()).then(|| folder.join_token());
     if let Some(path) = &joiners_token {
         token::write(path, secret).map_err(RunError::Output)?;
@@ -299,11 +301,11 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     };
     let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
     json::write(&report, &folder.report()).map_err(RunError::Output)?;
-    let end = match state.over() {
-        Some(Cause::Complete) => RunEnd::Done,
-        Some(Cause::Interrupted(signal)) => RunEnd::Interrupted(*signal),
-        Some(Cause::Failed(why)) => return Err(RunError::Process(why.clone())),
-        Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
+    let end = match (&report.error, state.over()) {
+        (Some(why), _) => RunEnd::Failed(why.clone()),
+        (None, Some(Cause::Interrupted(signal))) => RunEnd::Interrupted(*signal),
+        (None, Some(Cause::Complete)) => RunEnd::Done,
+        (None, _) => RunEnd::TilesMissing,
     };
     Ok(RunOutcome { end, report })
 }
@@ -356,5 +358,9 @@ fn open_address(listen: SocketAddr, placement: &Placement) -> Option<String> {
 }
 
 fn secret() -> Result<RunToken, RunError> {
-    token::random().map_err(|error| RunError::System { what: "random numbers", error: error.to_string() })
+    token::random().map_err(no_randomness)
+}
+
+fn no_randomness(error: io::Error) -> RunError {
+    RunError::System { what: "random numbers", error: error.to_string() }
 }

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::database::Header;
-use crate::ids::{ClusterId, Epoch};
+use crate::ids::{ClusterId, Epoch, RunId};
 use crate::keys::RoleKind;
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
 };
 use crate::protocol::hello::Role;
+use crate::protocol::mac::MacKey;
 use crate::recording::bus_log;
 use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
 use crate::tracer::{AovSet, Tiling, View};
@@ -22,6 +23,9 @@ pub(super) struct Plan {
     pub(super) placement: Placement,
     pub(super) octree: Octree,
     pub(super) run: Run,
+    pub(super) id: RunId,
+    /// For masters and displays: see [`crate::protocol::mac`].
+    pub(super) key: MacKey,
     pub(super) header: Header,
     pub(super) view: View,
     pub(super) tiling: Tiling,
@@ -94,6 +98,7 @@ impl Plan {
             nodes: self.cluster.nodes,
             assignment: self.run.assignment,
             tile_deadline_milliseconds: u64::try_from(self.run.deadlines.tile.as_millis()).unwrap_or(u64::MAX),
+            key: self.key,
         })
     }
 
@@ -121,6 +126,7 @@ impl Plan {
             journal: self.journal.clone(),
             resume: self.resume || epoch > Epoch(0),
             fingerprint: self.fingerprint,
+            key: self.key,
             image: self.image.clone(),
             exr: self.exr,
         })

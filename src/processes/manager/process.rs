@@ -104,6 +104,8 @@ pub(super) struct Process {
     pub(super) leaving: bool,
     /// Why it was killed, as the rest of a sentence that begins with its name.
     pub(super) doom: Option<String>,
+    /// Incidents that it reported.
+    pub(super) incidents: u32,
 }
 
 impl Process {
@@ -117,6 +119,7 @@ impl Process {
             connect_deadline: None,
             leaving: false,
             doom: None,
+            incidents: 0,
         }
     }
 

@@ -7,10 +7,13 @@ use super::closing;
 use super::ending::Cause;
 use super::sample;
 use super::state::{Action, Event, State};
-use crate::ids::{Attempt, TileId};
+use crate::ids::{Attempt, RunId, TileId};
 use crate::report::Incident;
 use crate::report::conservation::Conservation;
 use crate::topology::{Cluster, MemorySize, Run};
+
+/// The run that is rehearsed.
+pub(in crate::processes) const RUN: RunId = sample::RUN;
 
 /// What is rehearsed.
 #[derive(Clone, Debug)]

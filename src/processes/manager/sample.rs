@@ -6,6 +6,8 @@ use glam::DVec3;
 
 use super::plan::Plan;
 use crate::database::{Header, Layout, Normalisation, Section};
+use crate::ids::RunId;
+use crate::protocol::mac::MacKey;
 use crate::scene::Camera;
 use crate::topology::{
     Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Placement, Processor, Replacement, Run,
@@ -13,6 +15,9 @@ use crate::topology::{
 };
 use crate::tracer::view::ImageSettings;
 use crate::tracer::{AovSet, Tiling, View};
+
+pub(super) const RUN: RunId = RunId(1);
+pub(super) const KEY: MacKey = MacKey::new([1; 32]);
 
 pub(super) fn run() -> Run {
     let deadlines = Deadlines {
@@ -36,6 +41,8 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         cluster,
         octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
         run: run(),
+        id: RUN,
+        key: KEY,
         header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },
         view: View { camera, lights: Vec::new(), background: DVec3::ZERO, image },
         tiling: Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 },

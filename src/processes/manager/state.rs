@@ -17,7 +17,7 @@ use super::plan::{Addresses, Plan};
 use super::process::{Command, Process, ProcessId, Report, Stage};
 use super::process_table::{ProcessTable, seconds};
 use super::verification::Verification;
-use crate::ids::{ClusterId, Epoch, NodeId};
+use crate::ids::{ClusterId, Epoch, Producer};
 use crate::protocol::control::{
     BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand, NodeReport,
 };
@@ -27,6 +27,8 @@ use crate::protocol::work::TileDone;
 /// A node or a cluster is set aside, and a run without a display fails, after so many failures without a tile done in
 /// between.
 pub(super) const FAILURES_MAX: u32 = 3;
+/// More incidents of one process are counted, not kept.
+const PROCESS_INCIDENTS_MAX: u32 = 100;
 
 #[derive(Debug)]
 pub(in crate::processes) enum Event {
@@ -153,7 +155,17 @@ impl State {
             Report::Bus(BusReport::Incident(text))
             | Report::Node(NodeReport::Incident(text))
             | Report::Display(DisplayReport::Incident(text))
-            | Report::Master(MasterReport::Incident(text)) => self.ledger.incident(self.now, format!("{id}: {text}")),
+            | Report::Master(MasterReport::Incident(text)) => {
+                process.incidents = process.incidents.saturating_add(1);
+                match process.incidents {
+                    ..PROCESS_INCIDENTS_MAX => self.ledger.incident(self.now, format!("{id}: {text}")),
+                    PROCESS_INCIDENTS_MAX => {
+                        self.ledger
+                            .incident(self.now, format!("{id}: {text} (its further incidents are counted only)"));
+                    }
+                    _ => self.ledger.drop_incident(),
+                }
+            }
             // Whoever is being ended has said its last words that count.
             _ if process.doom.is_some() => {}
             Report::Bus(report) => self.told_by_bus(id, report),
@@ -193,11 +205,14 @@ impl State {
         match report {
             DisplayReport::Heartbeat | DisplayReport::Incident(_) => {}
             DisplayReport::Failed(why) => self.doom(id, format!("failed: {why}")),
-            DisplayReport::Restored(tiles) => self.restored(&tiles),
+            DisplayReport::Restored(holdings) => self.restored(&holdings),
             DisplayReport::Listening(address) => self.display_listens(id, address),
             DisplayReport::Compared(comparison) => self.compared(&comparison),
-            DisplayReport::Revoked(revoked) => self.revoked(&revoked),
-            DisplayReport::TilesOf(node, epoch, tiles) => self.holds_of((node, epoch), &tiles),
+            DisplayReport::Forged { node, epoch, why } => {
+                self.condemn(self.producer(node, epoch), &format!("it sent what is not its own: {why}"));
+            }
+            DisplayReport::Condemned(process, tiles) => self.taken_out(process, &tiles),
+            DisplayReport::Holdings { question, holdings } => self.holds(question, holdings),
             DisplayReport::Finished(totals) => {
                 self.enter(id, Stage::Finished);
                 self.ledger.display = Some(totals);
@@ -218,7 +233,9 @@ impl State {
                 self.ledger.first_tile.get_or_insert(self.now);
                 self.enter(ProcessId { role: Role::Node(node), epoch }, Stage::Working);
             }
-            MasterReport::Done { node, epoch, done } => self.done((cluster, id.epoch), (node, epoch), &done),
+            MasterReport::Done { node, epoch, done } => {
+                self.done((cluster, id.epoch), self.producer(node, epoch), &done)
+            }
             MasterReport::Lost(lost) => {
                 for attempt in &lost {
                     self.queue.lose(attempt.tile, attempt.attempt);
@@ -229,6 +246,10 @@ impl State {
                 for (tile, attempt) in grants {
                     self.queue.lose(tile, attempt);
                 }
+            }
+            MasterReport::Forged { node, epoch, tile } => {
+                let why = format!("it reported {tile} without a receipt of the display");
+                self.condemn(self.producer(node, epoch), &why);
             }
             MasterReport::Late { node, epoch, tile } => {
                 let why = format!("held {tile} for more than {}", seconds(self.plan.run.deadlines.tile));
@@ -242,23 +263,30 @@ impl State {
     }
 
     /// The display has a tile's pixels.
-    fn done(&mut self, cluster: (ClusterId, Epoch), by: (NodeId, Epoch), done: &TileDone) {
+    fn done(&mut self, cluster: (ClusterId, Epoch), by: Producer, done: &TileDone) {
+        if let Some(fault) = done.fault() {
+            self.condemn(by, &format!("it reported {} with {fault}", done.tile));
+        }
+        if self.verification.is_condemned(by) {
+            self.ledger.disown(cluster, done);
+            self.queue.lose(done.tile, done.attempt);
+            return;
+        }
         self.ledger.told_done(cluster, done);
         match self.queue.complete(done.tile, done.attempt, by, self.now) {
             Completion::Unknown => {
-                self.ledger.incident(self.now, format!("{} of {} is done, but was not out", done.tile, by.0));
+                self.ledger.incident(self.now, format!("{} of {} is done, but was not out", done.tile, by.node));
             }
             Completion::Extra => {}
-            Completion::Accepted if self.verification.is_condemned(by) => self.revoke(&[done.tile]),
             Completion::Accepted => {
                 self.ledger.accept(self.now, by, done);
                 self.cluster(cluster.0).failures = 0;
                 self.display.failures = 0;
-                if let Some(place) = self.places.get_mut(usize::from(by.0.0)) {
+                if let Some(place) = self.places.get_mut(usize::from(by.node.0)) {
                     place.failures = 0;
                 }
                 if self.verification.accept(done.tile, by) {
-                    self.queue.check(done.tile, vec![by.0]);
+                    self.queue.check(done.tile, vec![by.node]);
                 }
             }
         }
@@ -308,7 +336,7 @@ impl State {
         if matches!(self.phase, Phase::Running) && self.display.address.is_some() {
             self.hand_out();
             if self.queue.missing() > 0 {
-                self.expect_comparisons();
+                self.expect_more_of_display();
             } else {
                 self.verify_latest();
                 if self.verification.is_idle() && self.has_told_all() && matches!(self.phase, Phase::Running) {
@@ -400,7 +428,8 @@ impl State {
     pub(super) fn tell_to_finish(&mut self, id: ProcessId) {
         let command = match id.role {
             Role::Bus(cluster) => {
-                let mut lost = self.ledger.books.entry((cluster, id.epoch)).or_default().lost.clone();
+                let book = self.ledger.books.entry((cluster, id.epoch)).or_default();
+                let mut lost = [&book.lost[..], &book.disowned].concat();
                 // Where the master did not live to tell.
                 lost.extend(self.queue.open(cluster));
                 Command::Bus(BusCommand::Finish { lost })

@@ -11,8 +11,8 @@ use super::sample;
 use super::state::{Action, Event, State};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::control::{
-    BusCommand, BusReport, BusTotals, DisplayCommand, DisplayReport, DisplayTotals, LostAttempt, MasterCommand,
-    MasterReport, MasterTotals, NodeCommand, NodeReport, TileGrant,
+    BusCommand, BusReport, BusTotals, DisplayCommand, DisplayReport, DisplayTotals, Holdings, LostAttempt,
+    MasterCommand, MasterReport, MasterTotals, NodeCommand, NodeReport, TileGrant,
 };
 use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
@@ -50,6 +50,17 @@ impl Stage {
 
     pub(super) fn configured(plan: Plan, tiles: u32) -> Self {
         let nodes = plan.cluster.nodes;
+        let mut stage = Self::restored(plan, Holdings::default());
+        stage.master(MasterReport::TilesWanted(tiles));
+        for n in 0..nodes {
+            stage.master(MasterReport::NodeReady { node: NodeId(n), epoch: Epoch(0) });
+        }
+        stage
+    }
+
+    /// Configured, with what the display has from its journal; no tile is wanted yet.
+    pub(super) fn restored(plan: Plan, holdings: Holdings) -> Self {
+        let nodes = plan.cluster.nodes;
         let (state, _) = State::start(plan);
         let mut stage = Self { state, now: Duration::ZERO };
         for id in [BUS, MASTER, DISPLAY].into_iter().chain((0..nodes).map(|n| node(n, 0))) {
@@ -57,13 +68,9 @@ impl Stage {
         }
         stage.bus(BusReport::Listening(address(1)));
         stage.master(MasterReport::Listening(address(2)));
-        stage.display(DisplayReport::Restored(Vec::new()));
+        stage.display(DisplayReport::Restored(holdings));
         stage.display(DisplayReport::Listening(address(3)));
         stage.happens(Event::Uploaded(BUS));
-        stage.master(MasterReport::TilesWanted(tiles));
-        for n in 0..nodes {
-            stage.master(MasterReport::NodeReady { node: NodeId(n), epoch: Epoch(0) });
-        }
         stage
     }
 
@@ -104,6 +111,18 @@ impl Stage {
         for &id in ids {
             self.exits(id);
         }
+    }
+
+    /// The latest question what the first display holds.
+    pub(super) fn question(&self) -> Action {
+        let question = self.state.display.question;
+        Action::Tell(DISPLAY, Command::Display(DisplayCommand::TellHoldings { question }))
+    }
+
+    /// The display has these tiles.
+    pub(super) fn holds(&mut self, tiles: impl IntoIterator<Item = bool>) -> Vec<Action> {
+        let question = self.state.display.question;
+        self.display(DisplayReport::Holdings { question, holdings: holdings(tiles) })
     }
 
     pub(super) fn done(&mut self, n: u16, tile: u32, attempt: u32) -> Vec<Action> {
@@ -147,6 +166,10 @@ pub(super) fn granted(actions: &[Action]) -> Vec<TileGrant> {
     grants.flatten().collect()
 }
 
+pub(super) fn holdings(tiles: impl IntoIterator<Item = bool>) -> Holdings {
+    Holdings { tiles: tiles.into_iter().collect(), shares: Vec::new() }
+}
+
 fn finish_display() -> Action {
     Action::Tell(DISPLAY, Command::Display(DisplayCommand::Finish))
 }
@@ -185,11 +208,13 @@ fn a_whole_run_ends_in_order() {
     let mut stage = Stage::running(1, 2);
     assert!(stage.done(0, 0, 0).is_empty());
     let finish_node = Action::Tell(node(0, 0), Command::Node(NodeCommand::Finish));
-    assert_eq!(stage.done(0, 1, 0), [finish_node]);
+    assert_eq!(stage.done(0, 1, 0), [stage.question()]);
+    assert_eq!(stage.holds([true; 2]), [finish_node]);
     assert!(stage.happens(Event::Report(node(0, 0), Report::Node(NodeReport::Finished))).is_empty());
     assert_eq!(stage.happens(Event::Disconnected(node(0, 0), None)), [Action::HangUp(node(0, 0))]);
     let actions = stage.exits(node(0, 0));
-    assert!(actions.ends_with(&[to_master(MasterCommand::Finish), finish_display()]), "{actions:?}");
+    assert!(actions.ends_with(&[to_master(MasterCommand::Finish), stage.question()]), "{actions:?}");
+    assert_eq!(stage.holds([true; 2]), [finish_display()]);
     assert!(stage.display(DisplayReport::Finished(display_totals())).is_empty());
     assert_eq!(stage.master(MasterReport::Finished(MasterTotals::default())), [finish_bus(vec![])]);
     assert!(stage.bus(BusReport::Finished(BusTotals::default())).is_empty());
@@ -254,7 +279,8 @@ fn three_failures_in_a_row_set_a_node_aside() {
     stage.exits(node(1, 0));
     stage.exits(node(1, 1));
     let actions = stage.exits(node(1, 2));
-    assert!(actions.ends_with(&[to_master(MasterCommand::Finish), finish_display()]), "{actions:?}");
+    assert!(actions.ends_with(&[to_master(MasterCommand::Finish), stage.question()]), "{actions:?}");
+    assert_eq!(stage.holds([true]), [finish_display()]);
     stage.master(MasterReport::Finished(MasterTotals::default()));
     stage.display(DisplayReport::Finished(display_totals()));
     stage.bus(BusReport::Finished(BusTotals::default()));
@@ -289,7 +315,7 @@ fn a_cluster_without_nodes_gets_no_tiles() {
     let mut plan = sample::plan(1, 4);
     plan.cluster.count = 2;
     let mut stage = Stage::configured(plan, 0);
-    stage.state.set_aside(NodeId(0), "it is corrupt");
+    stage.state.set_aside(NodeId(0), "it is condemned");
     let actions = stage.master(MasterReport::TilesWanted(4));
     assert!(granted(&actions).is_empty(), "its master would give them back: {actions:?}");
 }
@@ -331,7 +357,7 @@ fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
     assert!(configuration.resume);
     let told = |report| Event::Report(next, Report::Display(report));
     // It has tile 1 alone: tile 0 is done again.
-    stage.happens(told(DisplayReport::Restored(vec![0b10])));
+    stage.happens(told(DisplayReport::Restored(holdings([false, true]))));
     assert_eq!((stage.state.queue.missing(), stage.state.ledger.total().tiles), (3, 1));
     let actions = stage.happens(told(DisplayReport::Listening(address(9))));
     let expected = Action::Tell(node(0, 0), Command::Node(NodeCommand::Display(address(9))));
@@ -349,14 +375,50 @@ fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
 fn a_display_that_dies_over_the_image_is_replaced_and_asked_again() {
     let mut stage = Stage::running(1, 1);
     stage.done(0, 0, 0);
-    assert!(stage.exits(node(0, 0)).contains(&finish_display()));
+    stage.holds([true]);
+    assert!(stage.exits(node(0, 0)).contains(&stage.question()));
+    assert_eq!(stage.holds([true]), [finish_display()]);
     let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
     assert!(stage.exits(DISPLAY).contains(&Action::Spawn(next)));
     stage.happens(Event::Connected(next));
     let told = |report| Event::Report(next, Report::Display(report));
-    stage.happens(told(DisplayReport::Restored(vec![1])));
+    stage.happens(told(DisplayReport::Restored(holdings([true]))));
+    let to_next = |command| [Action::Tell(next, Command::Display(command))];
     let actions = stage.happens(told(DisplayReport::Listening(address(9))));
-    assert_eq!(actions, [Action::Tell(next, Command::Display(DisplayCommand::Finish))]);
+    let question = stage.state.display.question;
+    assert_eq!(actions, to_next(DisplayCommand::TellHoldings { question }));
+    let actions = stage.happens(told(DisplayReport::Holdings { question, holdings: holdings([true]) }));
+    assert_eq!(actions, to_next(DisplayCommand::Finish));
+}
+
+#[test]
+fn a_journal_that_loses_a_tile_after_the_last_one_is_a_failure() {
+    let mut stage = Stage::running(1, 2);
+    stage.done(0, 0, 0);
+    stage.done(0, 1, 0);
+    stage.holds([true; 2]);
+    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
+    stage.exits(DISPLAY);
+    stage.happens(Event::Connected(next));
+    stage.happens(Event::Report(next, Report::Display(DisplayReport::Restored(holdings([true, false])))));
+    stage.all_exit(&[node(0, 0), BUS, MASTER, next]);
+    assert_eq!(stage.state.over(), Some(&Cause::Failed("the journal lacks 1 tiles that were done".to_owned())));
+    assert_eq!(stage.state.queue.missing(), 1);
+}
+
+#[test]
+fn a_tile_that_the_display_does_not_have_is_not_done_whatever_was_reported() {
+    let mut stage = Stage::running(1, 2);
+    stage.done(0, 0, 0);
+    assert_eq!(stage.done(0, 1, 0), [stage.question()]);
+    stage.master(MasterReport::TilesWanted(1));
+    let again = stage.holds([true, false]);
+    assert_eq!(granted(&again).iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(1, 1)]);
+    assert_eq!(stage.incidents(), ["the display lacks 1 tiles that were done: they are done again"]);
+    assert_eq!(stage.done(0, 1, 1), [stage.question()], "it is asked again");
+    // An answer to the first question, which was long under way.
+    let stale = DisplayReport::Holdings { question: 1, holdings: holdings([true; 2]) };
+    assert!(stage.display(stale).is_empty());
 }
 
 #[test]
@@ -370,13 +432,14 @@ fn a_resumed_run_does_what_the_journal_lacks() {
     stage.happens(Event::Uploaded(BUS));
     let wanted = stage.master(MasterReport::TilesWanted(9));
     assert!(wanted.is_empty(), "nothing is handed out before the journal is read: {wanted:?}");
-    stage.display(DisplayReport::Restored(vec![0b1010]));
+    stage.display(DisplayReport::Restored(holdings([false, true, false, true])));
     let actions = stage.display(DisplayReport::Listening(address(3)));
     let tiles: Vec<_> = granted(&actions).iter().map(|grant| grant.tile.0).collect();
     assert_eq!(tiles, [0, 2]);
     stage.done(0, 0, 0);
     let finish_node = Action::Tell(node(0, 0), Command::Node(NodeCommand::Finish));
-    assert!(stage.done(0, 2, 0).contains(&finish_node));
+    assert_eq!(stage.done(0, 2, 0), [stage.question()]);
+    assert!(stage.holds([true; 4]).contains(&finish_node));
     assert_eq!(stage.state.ledger.resumed, 2);
 }
 
@@ -400,7 +463,8 @@ fn an_interrupted_run_kills_a_master_that_hangs_and_keeps_the_image() {
     let mut stage = Stage::running(1, 4);
     stage.happens(Event::Signal(Interrupt::Sigterm));
     let interrupted = stage.now;
-    assert!(stage.exits(node(0, 0)).contains(&finish_display()));
+    assert!(stage.exits(node(0, 0)).contains(&stage.question()));
+    assert_eq!(stage.holds([false; 4]), [finish_display()]);
     stage.display(DisplayReport::Finished(display_totals()));
     let mut killed = Vec::new();
     while !killed.contains(&Action::Kill(MASTER)) {
@@ -429,8 +493,10 @@ fn a_second_signal_kills_everybody_at_once() {
 fn a_server_that_does_not_close_its_books_is_named_and_the_image_is_whole() {
     let mut stage = Stage::running(1, 1);
     stage.done(0, 0, 0);
+    stage.holds([true]);
     stage.happens(Event::Report(node(0, 0), Report::Node(NodeReport::Finished)));
     stage.exits(node(0, 0));
+    stage.holds([true]);
     stage.display(DisplayReport::Finished(display_totals()));
     stage.exits(DISPLAY);
     for second in 1..62 {

@@ -9,25 +9,26 @@ use std::time::Duration;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::ids::{Epoch, NodeId, TileId};
-use crate::protocol::control::{Comparison, TileResult};
+use crate::ids::{NodeId, Producer, RunId, TileId};
+use crate::protocol::control::{Comparison, Holdings, Share, TileResult};
+use crate::report::verification as report;
 
 /// From the last result of all to a comparison that is still awaited: it was lost with a display, or its result came
-/// from a process that is not believed.
+/// from a process that is condemned.
 const COMPARISON_DEADLINE: Duration = Duration::from_millis(500);
-
-/// A node's process.
-pub(super) type Producer = (NodeId, Epoch);
 
 #[derive(Debug)]
 pub(super) struct Verification {
     /// Of the tiles, 0 to 1.
     share: f64,
     seed: u64,
+    /// Those of earlier runs included, as far as tiles of theirs are in the image.
     processes: BTreeMap<Producer, Span>,
     /// Tiles whose second result has not been compared yet, or that are in dispute.
     open: BTreeMap<TileId, Case>,
     condemned: BTreeSet<Producer>,
+    /// The tiles in the frame about which others agree with the process that rendered them.
+    agreed: BTreeMap<TileId, Agreement>,
     /// Since when nobody works on anything, while a comparison is awaited.
     quiet_since: Option<Duration>,
     verified: u64,
@@ -41,10 +42,16 @@ struct Span {
     latest_is_verified: bool,
 }
 
+#[derive(Clone, Debug)]
+struct Agreement {
+    with: Producer,
+    by: BTreeSet<NodeId>,
+}
+
 #[derive(Clone, Debug, Default)]
 struct Case {
-    /// Who has rendered the tile, or is to.
-    results: Vec<(Producer, [u8; 32])>,
+    /// The processes that have rendered the tile, or are to; `None`: no comparison has brought the digest yet.
+    results: Vec<(Producer, Option<[u8; 32]>)>,
 }
 
 /// What follows from a comparison.
@@ -66,6 +73,7 @@ impl Verification {
             processes: BTreeMap::new(),
             open: BTreeMap::new(),
             condemned: BTreeSet::new(),
+            agreed: BTreeMap::new(),
             quiet_since: None,
             verified: 0,
             disagreements: 0,
@@ -79,6 +87,24 @@ impl Verification {
 
     pub(super) fn disagreements(&self) -> u64 {
         self.disagreements
+    }
+
+    /// Tiles of earlier runs are in the image: those that are to be verified, and the nodes that are not to do it. Of
+    /// each process that rendered some of them the latest is, and of all of them the share.
+    pub(super) fn resume(&mut self, holdings: &Holdings, tiles: u32) -> Vec<(TileId, Vec<NodeId>)> {
+        if self.share == 0.0 {
+            return Vec::new();
+        }
+        for &Share { producer, latest, .. } in &holdings.shares {
+            self.processes.insert(producer, Span { latest, latest_is_verified: false });
+            self.open(latest, producer);
+        }
+        for tile in (0..tiles).map(TileId).filter(|tile| holdings.tiles.contains(*tile)) {
+            if self.chooses(tile) {
+                self.open.entry(tile).or_default();
+            }
+        }
+        self.awaited().collect()
     }
 
     /// A tile is done. `true`: it is to be verified.
@@ -102,7 +128,7 @@ impl Verification {
         for (tile, by) in latest {
             if !self.open.contains_key(&tile) {
                 self.open(tile, by);
-                asked.push((tile, by.0));
+                asked.push((tile, by.node));
             }
         }
         asked
@@ -135,27 +161,21 @@ impl Verification {
         case.is_disputed()
     }
 
-    /// The display has compared two results of a tile; `kept_by` did the one in the frame.
-    pub(super) fn judge(&mut self, comparison: &Comparison, kept_by: Producer) -> Verdict {
+    /// The display has compared two results of a tile.
+    pub(super) fn judge(&mut self, comparison: &Comparison) -> Verdict {
         let Comparison { tile, kept, other } = comparison;
-        if kept.digest != other.digest {
-            if self.is_condemned(kept_by) {
-                return Verdict::Wrong(vec![kept_by]);
-            }
-            if other.source.is_some_and(|other| self.is_condemned(other)) {
-                return Verdict::Agreed;
-            }
+        if self.is_condemned(kept.producer) || self.is_condemned(other.producer) {
+            // One of them counts for nothing: a comparison that is awaited is still to come.
+            return Verdict::Agreed;
         }
         let case = self.open.entry(*tile).or_default();
-        case.results.retain(|(_, digest)| *digest != UNKNOWN);
-        for (by, TileResult { digest, .. }) in [(Some(kept_by), kept), (other.source, other)] {
-            if let Some(by) = by {
-                case.results.retain(|(known, _)| *known != by);
-                case.results.push((by, *digest));
-            }
+        case.results.retain(|(_, digest)| digest.is_some());
+        for TileResult { producer, digest } in [kept, other] {
+            case.results.retain(|(known, _)| known != producer);
+            case.results.push((*producer, Some(*digest)));
         }
-        if case.results.iter().all(|(_, digest)| *digest == kept.digest) {
-            self.open.remove(tile);
+        if case.results.iter().all(|(_, digest)| *digest == Some(kept.digest)) {
+            self.agree(*tile, kept.producer);
             self.verified += 1;
             self.close(*tile);
             return Verdict::Agreed;
@@ -165,22 +185,49 @@ impl Verification {
             return Verdict::Dispute { except: case.nodes() };
         }
         let right = case.majority();
-        let wrong = case.results.iter().filter(|(_, digest)| Some(*digest) != right).map(|(by, _)| *by).collect();
-        self.open.remove(tile);
+        let wrong = case.results.iter().filter(|(_, digest)| *digest != right).map(|(by, _)| *by).collect();
+        case.results.retain(|(_, digest)| *digest == right);
+        self.agree(*tile, kept.producer);
         self.close(*tile);
         Verdict::Wrong(wrong)
     }
 
-    /// All that a process did is done again. `true`: it was not known to be wrong.
-    pub(super) fn condemn(&mut self, wrong: Producer, tiles: &[TileId]) -> bool {
+    /// The process is wrong. `false`: that is known.
+    pub(super) fn condemn(&mut self, wrong: Producer) -> bool {
         self.processes.remove(&wrong);
-        tiles.iter().for_each(|tile| drop(self.open.remove(tile)));
         self.condemned.insert(wrong)
     }
 
-    /// Whether the image is vouched for: tiles are verified, or a process is known to be wrong.
-    pub(super) fn is_in_force(&self) -> bool {
-        self.share > 0.0 || !self.condemned.is_empty()
+    /// The tile is to be done again: what was compared does not count.
+    pub(super) fn forget(&mut self, tile: TileId) {
+        self.open.remove(&tile);
+        self.agreed.remove(&tile);
+    }
+
+    /// Which tiles in the frame are vouched for, by process; `shares` is what the frame has of each.
+    pub(super) fn report(&self, shares: &[Share], this: RunId) -> report::Verification {
+        let process = |share: &Share| (share.producer, report::Process::new(share.producer, this, share.tiles));
+        let mut processes: BTreeMap<_, _> = shares.iter().map(process).collect();
+        let mut by = BTreeMap::<Producer, BTreeSet<NodeId>>::new();
+        for agreement in self.agreed.values() {
+            if let Some(process) = processes.get_mut(&agreement.with) {
+                process.verified += 1;
+                by.entry(agreement.with).or_default().extend(&agreement.by);
+            }
+        }
+        for Share { producer, latest, .. } in shares {
+            if let Some(process) = processes.get_mut(producer) {
+                process.latest_verified = self.agreed.get(latest).is_some_and(|agreed| agreed.with == *producer);
+                process.by = by.get(producer).into_iter().flatten().map(|node| node.0).collect();
+            }
+        }
+        let all: u64 = shares.iter().map(|share| u64::from(share.tiles)).sum();
+        let tiles: u64 = processes.values().map(|process| u64::from(process.verified)).sum();
+        report::Verification {
+            tiles,
+            unverified_tiles: all.saturating_sub(tiles),
+            processes: processes.into_values().collect(),
+        }
     }
 
     /// What it still sends is wrong.
@@ -199,7 +246,16 @@ impl Verification {
     }
 
     fn open(&mut self, tile: TileId, by: Producer) {
-        self.open.entry(tile).or_default().results.push((by, UNKNOWN));
+        self.open.entry(tile).or_default().results.push((by, None));
+    }
+
+    /// A case is settled. What agrees with a process that is wrong vouches for nothing.
+    fn agree(&mut self, tile: TileId, kept: Producer) {
+        let results = self.open.remove(&tile).unwrap_or_default().results;
+        if results.iter().any(|(by, _)| *by == kept) {
+            let agreement = self.agreed.entry(tile).or_insert_with(|| Agreement { with: kept, by: BTreeSet::new() });
+            agreement.by.extend(results.iter().filter(|(by, _)| *by != kept).map(|(by, _)| by.node));
+        }
     }
 
     fn close(&mut self, tile: TileId) {
@@ -208,12 +264,9 @@ impl Verification {
     }
 }
 
-/// Stands for a digest until the first comparison brings it.
-const UNKNOWN: [u8; 32] = [0; 32];
-
 impl Case {
     fn nodes(&self) -> Vec<NodeId> {
-        self.results.iter().map(|((node, _), _)| *node).collect()
+        self.results.iter().map(|(by, _)| by.node).collect()
     }
 
     fn is_disputed(&self) -> bool {
@@ -226,29 +279,36 @@ impl Case {
     }
 
     fn majority(&self) -> Option<[u8; 32]> {
-        let votes = |digest: &[u8; 32]| self.results.iter().filter(|(_, other)| other == digest).count();
-        self.results.iter().map(|(_, digest)| *digest).find(|digest| votes(digest) > 1)
+        let votes = |digest| self.results.iter().filter(|(_, other)| *other == Some(digest)).count();
+        self.results.iter().filter_map(|(_, digest)| *digest).find(|&digest| votes(digest) > 1)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ids::Attempt;
+    use crate::ids::Epoch;
+    use crate::protocol::control::TileSet;
 
     const TILE: TileId = TileId(7);
+    const RUN: RunId = RunId(1);
 
     fn by(node: u16) -> Producer {
-        (NodeId(node), Epoch(0))
-    }
-
-    fn result(node: u16, digest: u8) -> TileResult {
-        TileResult { attempt: Attempt(u32::from(node)), source: Some(by(node)), digest: [digest; 32] }
+        Producer { run: RUN, node: NodeId(node), epoch: Epoch(0) }
     }
 
     fn compare(verification: &mut Verification, kept: (u16, u8), other: (u16, u8)) -> Verdict {
-        let comparison = Comparison { tile: TILE, kept: result(kept.0, kept.1), other: result(other.0, other.1) };
-        verification.judge(&comparison, by(kept.0))
+        compare_of(verification, TILE, (by(kept.0), kept.1), (by(other.0), other.1))
+    }
+
+    fn compare_of(
+        verification: &mut Verification,
+        tile: TileId,
+        kept: (Producer, u8),
+        other: (Producer, u8),
+    ) -> Verdict {
+        let result = |(producer, digest)| TileResult { producer, digest: [digest; 32] };
+        verification.judge(&Comparison { tile, kept: result(kept), other: result(other) })
     }
 
     #[test]
@@ -261,6 +321,28 @@ mod tests {
         let chosen = (2..10_002).filter(|&tile| some.accept(TileId(tile), by(0))).count();
         assert!((150..250).contains(&chosen), "{chosen} of 10000");
         assert!((0..100).all(|tile| Verification::new(1.0, 1).accept(TileId(tile), by(0))));
+    }
+
+    #[test]
+    fn of_an_earlier_run_the_share_and_the_latest_tile_of_every_process_are_verified() {
+        let earlier = |node| Producer { run: RunId(9), ..by(node) };
+        let share = |node, latest| Share { producer: earlier(node), tiles: 50, latest: TileId(latest) };
+        let tiles: TileSet = (0..10_000).map(|tile| tile % 2 == 0).collect();
+        let holdings = Holdings { tiles, shares: vec![share(0, 4), share(1, 8)] };
+        assert!(Verification::new(0.0, 1).resume(&holdings, 10_000).is_empty());
+        let mut latest = Verification::new(1e-12, 1);
+        let expected = [(TileId(4), vec![NodeId(0)]), (TileId(8), vec![NodeId(1)])];
+        assert_eq!(latest.resume(&holdings, 10_000), expected);
+        assert!(latest.latest().is_empty(), "they are awaited");
+        assert_eq!(compare_of(&mut latest, TileId(4), (earlier(0), 5), (by(1), 5)), Verdict::Agreed);
+        assert!(!latest.is_idle() && latest.latest().is_empty());
+        let dispute = Verdict::Dispute { except: vec![NodeId(1), NodeId(0)] };
+        assert_eq!(compare_of(&mut latest, TileId(8), (earlier(1), 5), (by(0), 6)), dispute);
+        let verdict = compare_of(&mut latest, TileId(8), (earlier(1), 5), (by(2), 6));
+        assert_eq!(verdict, Verdict::Wrong(vec![earlier(1)]));
+        let chosen = Verification::new(0.1, 1).resume(&holdings, 10_000);
+        assert!((400..600).contains(&chosen.len()), "{} of 5000", chosen.len());
+        assert!(chosen.iter().all(|(tile, _)| tile.0 % 2 == 0), "no other is there");
     }
 
     #[test]
@@ -279,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn who_agrees_with_nobody_is_wrong() {
+    fn a_process_that_agrees_with_no_other_is_wrong() {
         // Node 0 kept, node 1 other, node 2 settles it; then two settlers.
         for (digests, wrong) in [([5, 6, 5], 1), ([6, 5, 5], 0)] {
             let mut verification = Verification::new(1.0, 1);
@@ -299,19 +381,47 @@ mod tests {
     }
 
     #[test]
-    fn what_a_condemned_process_still_sends_is_wrong_without_a_third() {
+    fn a_condemned_process_vouches_for_nothing_and_accuses_nobody() {
         let mut verification = Verification::new(1.0, 1);
-        assert!(verification.condemn(by(0), &[]) && !verification.condemn(by(0), &[]));
-        assert_eq!(compare(&mut verification, (0, 1), (1, 2)), Verdict::Wrong(vec![by(0)]));
-        assert_eq!(compare(&mut verification, (1, 2), (0, 1)), Verdict::Agreed);
-        assert!(verification.is_idle());
+        assert!(verification.condemn(by(0)) && !verification.condemn(by(0)));
+        for (kept, other) in [((0, 1), (1, 2)), ((1, 2), (0, 1)), ((1, 2), (0, 2))] {
+            assert_eq!(compare(&mut verification, kept, other), Verdict::Agreed);
+        }
+        assert_eq!((verification.verified(), verification.disagreements()), (0, 0));
+        // A comparison that is awaited is still to come.
+        verification.accept(TILE, by(1));
+        compare(&mut verification, (1, 2), (0, 2));
+        assert!(!verification.is_idle());
     }
 
     #[test]
-    fn a_dispute_that_nobody_can_settle_is_told() {
+    fn a_dispute_that_nothing_can_settle_is_reported() {
         let mut verification = Verification::new(0.0, 1);
         assert_ne!(compare(&mut verification, (0, 1), (1, 2)), Verdict::Agreed);
         assert!(verification.give_up(TILE));
         assert!(!verification.give_up(TILE));
+    }
+
+    #[test]
+    fn the_report_says_which_tiles_are_vouched_for_by_which_nodes() {
+        let mut verification = Verification::new(1.0, 1);
+        let earlier = Producer { run: RunId(0xabc), ..by(3) };
+        compare_of(&mut verification, TileId(0), (by(0), 1), (by(1), 1));
+        compare_of(&mut verification, TileId(1), (by(0), 1), (by(2), 1));
+        compare_of(&mut verification, TileId(1), (by(0), 1), (by(1), 1));
+        compare_of(&mut verification, TileId(5), (earlier, 1), (by(2), 1));
+        compare_of(&mut verification, TileId(6), (earlier, 1), (by(2), 1));
+        verification.forget(TileId(6));
+        // Node 1 is wrong about a tile of node 0's.
+        compare_of(&mut verification, TileId(2), (by(0), 1), (by(1), 2));
+        compare_of(&mut verification, TileId(2), (by(0), 1), (by(2), 1));
+        let share = |producer, tiles, latest| Share { producer, tiles, latest: TileId(latest) };
+        let report = verification.report(&[share(by(0), 4, 1), share(by(1), 2, 4), share(earlier, 9, 6)], RUN);
+        assert_eq!((report.tiles, report.unverified_tiles), (4, 11));
+        let told = |process: &report::Process| (process.verified, process.latest_verified, process.by.clone());
+        let told: Vec<_> = report.processes.iter().map(told).collect();
+        assert_eq!(told, [(3, true, vec![1, 2]), (0, false, vec![]), (1, false, vec![2])]);
+        assert_eq!(report.processes[2].earlier_run.as_deref(), Some("0000000000000abc"));
+        assert_eq!(report.processes[0].earlier_run, None);
     }
 }

@@ -1,18 +1,39 @@
-//! Runs whose tiles are verified, played by hand.
+//! Runs whose tiles are verified, or whose nodes forge what they report, played by hand.
 
 use std::time::Duration;
 
 use super::process::Command;
 use super::sample;
 use super::state::{Action, Event};
-use super::state_tests::{DISPLAY, Stage, granted, node, to_master};
-use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use super::state_tests::{DISPLAY, Stage, granted, holdings, node, to_master};
+use super::{Interrupt, ending::Cause};
+use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::protocol::control::{
-    Comparison, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand, Revocation, TileResult,
+    Comparison, DisplayCommand, DisplayReport, Holdings, MasterCommand, MasterReport, NodeCommand, Share, TileResult,
+    TileSet,
 };
+use crate::protocol::work::TileDone;
+use crate::tracer::TraceStats;
+
+fn by(node: u16) -> Producer {
+    Producer { run: sample::RUN, node: NodeId(node), epoch: Epoch(0) }
+}
+
+fn compared(tile: u32, kept: (Producer, u8), other: (Producer, u8)) -> DisplayReport {
+    let result = |(producer, digest)| TileResult { producer, digest: [digest; 32] };
+    DisplayReport::Compared(Comparison { tile: TileId(tile), kept: result(kept), other: result(other) })
+}
+
+fn condemn(producer: Producer) -> Action {
+    Action::Tell(DISPLAY, Command::Display(DisplayCommand::Condemn(producer)))
+}
+
+fn tiles_and_attempts(actions: &[Action]) -> Vec<(u32, u32)> {
+    granted(actions).iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect()
+}
 
 #[test]
-fn a_corrupt_node_is_found_out_and_its_tiles_are_done_again() {
+fn a_corrupt_node_is_found_and_its_tiles_are_done_again() {
     let mut plan = sample::plan(3, 6);
     plan.run.verify = 1e-9;
     let mut stage = Stage::configured(plan, 6);
@@ -21,43 +42,113 @@ fn a_corrupt_node_is_found_out_and_its_tiles_are_done_again() {
     assert!(granted(&checks).is_empty(), "none are wanted yet");
     let checks = granted(&stage.master(MasterReport::TilesWanted(9)));
     assert_eq!(checks.iter().map(|grant| (grant.tile.0, grant.except[0].0)).collect::<Vec<_>>(), [(0, 0), (2, 1)]);
-    let result = |n: u16, digest| TileResult {
-        attempt: Attempt(u32::from(n)),
-        source: Some((NodeId(n), Epoch(0))),
-        digest: [digest; 32],
-    };
-    let compared = |tile, kept, other| DisplayReport::Compared(Comparison { tile: TileId(tile), kept, other });
-    stage.display(compared(2, result(1, 5), result(2, 5)));
-    let actions = stage.display(compared(0, result(0, 6), result(1, 7)));
+    stage.display(compared(2, (by(1), 5), (by(2), 5)));
+    let actions = stage.display(compared(0, (by(0), 6), (by(1), 7)));
     assert_eq!(granted(&actions)[0].except, [NodeId(0), NodeId(1)], "{actions:?}");
-    let actions = stage.display(compared(0, result(0, 6), result(2, 7)));
+    let actions = stage.display(compared(0, (by(0), 6), (by(2), 7)));
     assert!(actions.contains(&Action::Kill(node(0, 0))));
     assert!(actions.contains(&to_master(MasterCommand::NodeSetAside { node: NodeId(0) })));
-    let revoked = |tile, attempt| Revocation { tile: TileId(tile), attempt: Attempt(attempt) };
-    let revocations = vec![revoked(0, 2), revoked(1, 0)];
-    let revoke = DisplayCommand::Revoke(revocations.clone());
-    assert!(actions.contains(&Action::Tell(DISPLAY, Command::Display(revoke))), "{actions:?}");
+    assert!(actions.contains(&condemn(by(0))), "{actions:?}");
+    assert_eq!(tiles_and_attempts(&actions), [(0, 3), (1, 1)]);
     assert_eq!(stage.state.queue.missing(), 5);
-    // What it says before it is dead is not believed.
+    // What it reports before it is dead does not count.
     stage.done(0, 3, 0);
     assert_eq!(stage.state.queue.missing(), 5);
-    let again = granted(&stage.display(DisplayReport::Revoked(revocations)));
-    assert_eq!(again.iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(1, 1), (0, 3)]);
-    assert!(stage.incidents().iter().any(|text| text.starts_with("node 0 (epoch 0) is corrupt")));
+    assert!(stage.incidents().iter().any(|text| text.starts_with("node 0 (epoch 0) is condemned: other nodes agree")));
 
-    // A display that died had kept its pixels of tile 2 and compared node 1's with them, which nobody was told.
-    let question = Action::Tell(DISPLAY, Command::Display(DisplayCommand::TilesOf(NodeId(0), Epoch(0))));
-    assert!(actions.contains(&question), "{actions:?}");
-    let missing = stage.state.queue.missing();
-    stage.display(DisplayReport::TilesOf(NodeId(1), Epoch(0), vec![0b10_0000]));
-    assert_eq!(stage.state.queue.missing(), missing, "nothing is wrong with node 1");
-    let actions = stage.display(DisplayReport::TilesOf(NodeId(0), Epoch(0), vec![0b100]));
-    let revocations = vec![revoked(2, 1)];
-    let revoke = Command::Display(DisplayCommand::Revoke(revocations.clone()));
-    assert!(actions.contains(&Action::Tell(DISPLAY, revoke)), "{actions:?}");
-    assert_eq!(stage.state.queue.missing(), missing + 1);
-    let again = granted(&stage.display(DisplayReport::Revoked(revocations)));
-    assert_eq!(again.iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(2, 2)]);
+    // A display that died had kept its pixels of tile 2 and compared node 1's with them, which was not reported.
+    stage.display(DisplayReport::Condemned(by(1), [false, false, true].into_iter().collect()));
+    assert_eq!(stage.state.queue.missing(), 5, "nothing is wrong with node 1");
+    let actions = stage.display(DisplayReport::Condemned(by(0), [true, true, true].into_iter().collect()));
+    assert_eq!(stage.state.queue.missing(), 6);
+    assert_eq!(tiles_and_attempts(&actions), [(2, 2)]);
+}
+
+#[test]
+fn a_process_that_forges_is_condemned_without_a_comparison() {
+    let forgeries: [fn(&mut Stage) -> Vec<Action>; 3] = [
+        |stage| stage.master(MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), tile: TileId(1) }),
+        |stage| {
+            let why = "tile 3, attempt 0: the master did not hand it to this process".to_owned();
+            stage.display(DisplayReport::Forged { node: NodeId(0), epoch: Epoch(0), why })
+        },
+        |stage| {
+            let done = TileDone {
+                tile: TileId(1),
+                attempt: Attempt(0),
+                trace: TraceStats { rays: [u64::MAX; 4], ..TraceStats::default() },
+                memory: None,
+                render_cpu_nanoseconds: 5,
+            };
+            stage.master(MasterReport::Done { node: NodeId(0), epoch: Epoch(0), done: Box::new(done) })
+        },
+    ];
+    for forge in forgeries {
+        let mut stage = Stage::configured(sample::plan(2, 4), 4);
+        stage.done(0, 0, 0);
+        stage.master(MasterReport::TilesWanted(4));
+        let actions = forge(&mut stage);
+        assert!(actions.contains(&Action::Kill(node(0, 0))) && actions.contains(&condemn(by(0))), "{actions:?}");
+        assert!(tiles_and_attempts(&actions).contains(&(0, 1)), "{actions:?}");
+        let incidents = stage.incidents();
+        assert!(incidents[0].starts_with("node 0 (epoch 0) is condemned: it "), "{incidents:?}");
+        assert_eq!(incidents[1], "node 0 is set aside: it is condemned");
+        assert_eq!((stage.state.ledger.total().tiles, stage.state.ledger.rays()), (0, 0), "its counts do not count");
+        // Once is enough.
+        let again = forge(&mut stage);
+        assert!(!again.contains(&condemn(by(0))), "{again:?}");
+    }
+}
+
+#[test]
+fn tiles_of_an_earlier_run_are_verified_by_their_processes() {
+    let mut plan = sample::plan(3, 4);
+    (plan.run.verify, plan.resume) = (1e-12, true);
+    let earlier = Producer { run: RunId(99), ..by(0) };
+    let shares = vec![Share { producer: earlier, tiles: 2, latest: TileId(3) }];
+    let restored = Holdings { shares, ..holdings([true, false, false, true]) };
+    let mut stage = Stage::restored(plan, restored);
+    let grants = granted(&stage.master(MasterReport::TilesWanted(9)));
+    let check = grants.iter().find(|grant| grant.tile == TileId(3)).expect("the latest of the process");
+    assert_eq!((grants.len(), &check.except[..]), (3, &[NodeId(0)][..]));
+    for (n, tile) in [(1, 1), (2, 2)] {
+        stage.done(n, tile, 0);
+    }
+    stage.display(compared(3, (earlier, 1), (by(1), 2)));
+    let actions = stage.display(compared(3, (earlier, 1), (by(2), 2)));
+    assert!(actions.contains(&condemn(earlier)), "{actions:?}");
+    assert!(!actions.iter().any(|action| matches!(action, Action::Kill(_))), "it died with its run");
+    stage.master(MasterReport::TilesWanted(9));
+    let taken_out: TileSet = [true, false, false, true].into_iter().collect();
+    let actions = stage.display(DisplayReport::Condemned(earlier, taken_out));
+    assert_eq!(granted(&actions).iter().map(|grant| grant.tile.0).collect::<Vec<_>>(), [0, 3]);
+    assert_eq!(stage.state.ledger.resumed, 0);
+    let incidents = stage.incidents();
+    assert!(
+        incidents.iter().any(|text| text.starts_with("node 0 (epoch 0) of an earlier run is condemned")),
+        "{incidents:?}"
+    );
+}
+
+#[test]
+fn a_condemnation_reaches_the_journal_of_a_run_that_is_interrupted() {
+    let mut plan = sample::plan(3, 6);
+    plan.run.verify = 1.0;
+    let mut stage = Stage::configured(plan, 6);
+    stage.done(0, 0, 0);
+    stage.done(0, 1, 0);
+    stage.display(compared(0, (by(0), 6), (by(1), 7)));
+    stage.happens(Event::Signal(Interrupt::Sigint));
+    for n in 0..3 {
+        stage.happens(Event::Exited(node(n, 0), "died".to_owned()));
+    }
+    // The comparison that settles it was on its way.
+    let actions = stage.display(compared(0, (by(0), 6), (by(2), 7)));
+    assert!(actions.contains(&condemn(by(0))), "{actions:?}");
+    assert_eq!(stage.state.queue.missing(), 6);
+    stage.display(DisplayReport::Condemned(by(0), [true, true].into_iter().collect()));
+    let actions = stage.holds([false; 6]);
+    assert_eq!(actions, [Action::Tell(DISPLAY, Command::Display(DisplayCommand::Finish))]);
 }
 
 #[test]
@@ -85,27 +176,26 @@ fn a_verified_run_ends_when_the_display_has_told_all() {
     stage.done(0, 0, 0);
     stage.master(MasterReport::TilesWanted(9));
     stage.done(1, 0, 1);
-    let result = |n: u16, digest| TileResult {
-        attempt: Attempt(u32::from(n)),
-        source: Some((NodeId(n), Epoch(0))),
-        digest: [digest; 32],
-    };
-    let compared = |kept, other| DisplayReport::Compared(Comparison { tile: TileId(0), kept, other });
     // Comparisons that are under way come before the answer to this.
-    let nothing = Action::Tell(DISPLAY, Command::Display(DisplayCommand::Revoke(Vec::new())));
-    assert_eq!(stage.display(compared(result(0, 5), result(1, 5))), [nothing]);
+    assert_eq!(stage.display(compared(0, (by(0), 5), (by(1), 5))), [stage.question()]);
     let finish_node = Action::Tell(node(0, 0), Command::Node(NodeCommand::Finish));
-    assert!(stage.display(DisplayReport::Revoked(Vec::new())).contains(&finish_node));
-    // What is found out now does not take a tile out of the image.
-    assert!(stage.display(compared(result(0, 5), result(1, 6))).is_empty());
-    assert!(stage.incidents()[0].starts_with("two results of tile 0 differ"));
-    assert_eq!(stage.state.queue.missing(), 0);
+    assert!(stage.holds([true]).contains(&finish_node));
+    // What is found now cannot be settled: the image is not to be relied on.
+    stage.display(compared(0, (by(0), 5), (by(1), 6)));
+    for n in 0..2 {
+        stage.happens(Event::Exited(node(n, 0), "ended".to_owned()));
+    }
+    stage.now += Duration::from_secs(10);
+    while stage.state.over().is_none() {
+        stage.now += Duration::from_secs(1);
+        stage.happens(Event::Tick);
+    }
+    let expected = "two results of tile 0 differ, which was found after the last tile".to_owned();
+    assert_eq!(stage.state.over(), Some(&Cause::Failed(expected)));
 }
 
 #[test]
 fn a_display_that_compares_what_there_is_not_is_ended() {
     let mut stage = Stage::configured(sample::plan(2, 4), 4);
-    let result = |digest| TileResult { attempt: Attempt(0), source: None, digest: [digest; 32] };
-    let comparison = Comparison { tile: TileId(4), kept: result(1), other: result(2) };
-    assert_eq!(stage.display(DisplayReport::Compared(comparison)), [Action::Kill(DISPLAY)]);
+    assert_eq!(stage.display(compared(4, (by(0), 1), (by(1), 2))), [Action::Kill(DISPLAY)]);
 }

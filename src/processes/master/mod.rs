@@ -7,6 +7,7 @@ pub(in crate::processes) mod seat;
 pub(in crate::processes) mod state;
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
@@ -18,7 +19,9 @@ use self::state::{Action, Event, State};
 use crate::ids::NodeId;
 use crate::processes::bootstrap::live;
 use crate::processes::{Child, ControlLink, StartError};
-use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, Receiver, Sender, connect};
+use crate::protocol::connection::{
+    Connection, ConnectionError, Fault, Listener, Peer, QueuedSender, Receiver, Sender, connect,
+};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, MasterTotals};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
@@ -30,6 +33,8 @@ const BUS_DEADLINE: Duration = Duration::from_secs(5);
 const TICK: Duration = Duration::from_millis(100);
 /// Requests of nodes that were not looked at yet.
 const EVENTS_MAX: usize = 1024;
+/// Jobs that a node has not read: more than it may hold.
+const JOBS_MAX: usize = 64;
 
 #[derive(Debug, thiserror::Error)]
 pub enum MasterError {
@@ -98,7 +103,7 @@ struct Shell {
 }
 
 struct NodeConnection {
-    sender: Sender<WorkReply>,
+    sender: QueuedSender<WorkReply>,
     reader: AbortHandle,
 }
 
@@ -142,7 +147,9 @@ impl Shell {
             for action in self.state.handle(self.start.elapsed(), event) {
                 match action {
                     Action::Report(told) => report(link, told).await?,
-                    Action::Hand { to, tile, attempt } => self.hand(to, &WorkReply::Job { tile, attempt }).await,
+                    Action::Hand { to, tile, attempt, permit } => {
+                        self.hand(link, to, WorkReply::Job { tile, attempt, permit }).await?;
+                    }
                     Action::Bus(message) => self.tell_bus(link, &message).await?,
                     Action::Dismiss(process) => drop(self.nodes.remove(&process)),
                     Action::End(totals) => return Ok(totals),
@@ -155,17 +162,22 @@ impl Shell {
         let Role::Node(node) = peer.role else { return Event::Refused(format!("{peer} is no node")) };
         let process = NodeProcess { node, epoch: peer.epoch };
         let (sender, receiver) = connection.split::<WorkReply, WorkRequest>();
+        let sender = sender.queued(JOBS_MAX, Arc::default());
         let reader = tokio::spawn(read(process, receiver, self.event_sender.clone())).abort_handle();
         self.nodes.insert(process, NodeConnection { sender, reader });
         Event::Connected(process)
     }
 
-    /// A node holds so few tiles that what it is told always fits the socket's buffer: nothing waits here.
-    async fn hand(&mut self, to: NodeProcess, job: &WorkReply) {
-        let Some(node) = self.nodes.get_mut(&to) else { return };
-        if let Err(error) = node.sender.send(job).await {
-            // Its reader tells the end, the manager the death.
-            tracing::warn!("{error}");
+    /// Waits for nobody: a node that does not read its jobs is dropped alone.
+    async fn hand(&mut self, link: &Link, to: NodeProcess, job: WorkReply) -> Result<(), MasterError> {
+        let Some(node) = self.nodes.get(&to) else { return Ok(()) };
+        match node.sender.send(job) {
+            // The manager tells how it ended.
+            Ok(()) | Err(ConnectionError { fault: Fault::Closed, .. }) => Ok(()),
+            Err(error) => {
+                self.nodes.remove(&to);
+                report(link, MasterReport::Incident(error.to_string())).await
+            }
         }
     }
 

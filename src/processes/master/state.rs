@@ -8,6 +8,7 @@ use crate::ids::{Attempt, NodeId, TileId};
 use crate::protocol::control::{
     LostAttempt, MasterCommand, MasterConfiguration, MasterReport, MasterTotals, TileGrant,
 };
+use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, MemoryRequest};
 use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkRequest};
 
@@ -35,6 +36,7 @@ pub(in crate::processes) enum Action {
         to: NodeProcess,
         tile: TileId,
         attempt: Attempt,
+        permit: Mac,
     },
     /// A modelled message.
     Bus(MemoryRequest),
@@ -46,6 +48,7 @@ pub(in crate::processes) enum Action {
 
 #[derive(Debug)]
 pub(in crate::processes) struct State {
+    key: MacKey,
     /// From a tile's issue to its completion.
     tile_deadline: Duration,
     /// In order of node ids, from this one on.
@@ -65,6 +68,7 @@ pub(in crate::processes) struct State {
 impl State {
     pub(in crate::processes) fn new(configuration: &MasterConfiguration) -> Self {
         Self {
+            key: configuration.key,
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
             first_node: configuration.first_node,
             seats: (0..configuration.nodes).map(|_| Seat::default()).collect(),
@@ -84,7 +88,7 @@ impl State {
             Event::Connected(process) => self.connected(process),
             Event::Disconnected(process) => self.disconnected(process),
             Event::Request(process, WorkRequest::Ready) => self.ready(process),
-            Event::Request(process, WorkRequest::Done(done)) => self.done(process, done),
+            Event::Request(process, WorkRequest::Done { done, receipt }) => self.done(process, done, receipt),
             Event::Refused(who) => self.incident(who),
             Event::Tick => self.report_late(now),
         }
@@ -146,10 +150,14 @@ impl State {
         self.waiting.push_back(process.node);
     }
 
-    fn done(&mut self, process: NodeProcess, done: Box<TileDone>) {
+    fn done(&mut self, process: NodeProcess, done: Box<TileDone>, receipt: Mac) {
         let NodeProcess { node, epoch } = process;
         let (tile, attempt) = (done.tile, done.attempt);
-        if self.seat(process).is_some_and(|seat| seat.give_back(tile, attempt)) {
+        if !self.key.is_receipt(Claim { tile, attempt, node, epoch }, receipt) {
+            // What it holds is lost when it is dead.
+            self.actions.push(Action::Report(MasterReport::Forged { node, epoch, tile }));
+            self.dismiss(process, &format!("reported {tile}, {attempt} without a receipt of the display"));
+        } else if self.seat(process).is_some_and(|seat| seat.give_back(tile, attempt)) {
             self.totals.attempts_accepted += 1;
             self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: END_OF_JOB_BYTES }));
             self.actions.push(Action::Report(MasterReport::Done { node, epoch, done }));
@@ -241,7 +249,8 @@ impl State {
         let announce = !std::mem::replace(&mut seat.announced, true);
         self.totals.attempts_issued += 1;
         self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: JOB_BYTES }));
-        self.actions.push(Action::Hand { to: NodeProcess { node, epoch }, tile, attempt });
+        let permit = self.key.permit(Claim { tile, attempt, node, epoch });
+        self.actions.push(Action::Hand { to: NodeProcess { node, epoch }, tile, attempt, permit });
         if announce {
             self.actions.push(Action::Report(MasterReport::NodeReady { node, epoch }));
         }

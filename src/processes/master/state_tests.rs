@@ -2,8 +2,16 @@
 
 use super::*;
 use crate::ids::Epoch;
+use crate::protocol::mac::Claim;
 use crate::topology::Assignment;
 use crate::tracer::TraceStats;
+
+const KEY: MacKey = MacKey::new([3; 32]);
+
+/// The first attempt at a tile, by a node's first process.
+fn claim(node: u16, tile: u32) -> Claim {
+    Claim { tile: TileId(tile), attempt: Attempt(0), node: NodeId(node), epoch: Epoch(0) }
+}
 
 fn first(node: u16) -> NodeProcess {
     NodeProcess { node: NodeId(node), epoch: Epoch(0) }
@@ -16,6 +24,7 @@ fn state(nodes: u16) -> State {
         nodes,
         assignment: Assignment::OnDemand,
         tile_deadline_milliseconds: 1000,
+        key: KEY,
     });
     for node in 0..nodes {
         at(&mut state, 0, Event::Connected(first(node)));
@@ -53,7 +62,8 @@ fn done(state: &mut State, node: u16, tile: u32) -> Vec<Action> {
         memory: None,
         render_cpu_nanoseconds: 0,
     };
-    request(state, node, WorkRequest::Done(Box::new(done)))
+    let receipt = KEY.receipt(claim(node, tile));
+    request(state, node, WorkRequest::Done { done: Box::new(done), receipt })
 }
 
 fn request(state: &mut State, node: u16, request: WorkRequest) -> Vec<Action> {
@@ -105,6 +115,7 @@ fn the_manager_is_asked_ahead_and_in_handfuls() {
         nodes: 2,
         assignment: Assignment::OnDemand,
         tile_deadline_milliseconds: 1000,
+        key: KEY,
     });
     let asked = |actions: Vec<Action>| {
         reports(actions).into_iter().find_map(|r| if let MasterReport::TilesWanted(n) = r { Some(n) } else { None })
@@ -219,4 +230,42 @@ fn the_first_tile_of_a_process_is_announced() {
     let announced = |actions| reports(actions).iter().any(|r| matches!(r, MasterReport::NodeReady { .. }));
     assert!(announced(ready(&mut state, 0)));
     assert!(!announced(ready(&mut state, 0)));
+}
+
+#[test]
+fn a_job_comes_with_a_permit_for_its_process() {
+    let mut state = state(2);
+    tiles(&mut state, [(5, None)]);
+    let actions = ready(&mut state, 1);
+    let permit = actions.iter().find_map(|a| if let Action::Hand { permit, .. } = a { Some(*permit) } else { None });
+    assert_eq!(permit, Some(KEY.permit(claim(1, 5))));
+}
+
+#[test]
+fn a_completion_without_the_displays_receipt_is_a_forgery() {
+    let mut state = state(2);
+    tiles(&mut state, [(0, None), (1, None)]);
+    ready(&mut state, 0);
+    ready(&mut state, 1);
+    // None, the permit in its place, another process's, another tile's.
+    let receipts = [Mac::default(), KEY.permit(claim(0, 0)), KEY.receipt(claim(1, 0)), KEY.receipt(claim(0, 1))];
+    for receipt in receipts {
+        let done = TileDone {
+            tile: TileId(0),
+            attempt: Attempt(0),
+            trace: TraceStats::default(),
+            memory: None,
+            render_cpu_nanoseconds: 0,
+        };
+        let actions = request(&mut state, 0, WorkRequest::Done { done: Box::new(done), receipt });
+        assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
+        let forged = MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), tile: TileId(0) };
+        let reports = reports(actions);
+        assert!(reports.contains(&forged) && !reports.iter().any(|r| matches!(r, MasterReport::Done { .. })));
+    }
+    // What it holds is lost when it is dead, as ever.
+    command(&mut state, MasterCommand::NodeLost { node: NodeId(0), epoch: Epoch(0) });
+    done(&mut state, 1, 1);
+    let expected = MasterTotals { attempts_issued: 2, attempts_accepted: 1, attempts_lost: 1, ..Default::default() };
+    assert_eq!(totals(&mut state), expected);
 }

@@ -14,6 +14,7 @@ use crate::ids::{Attempt, TileId};
 use crate::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::Mac;
 use crate::tracer::Pixels;
 
 /// For the display to answer the hello.
@@ -79,8 +80,8 @@ impl DisplayLink {
                 Err(error) => self.lose(&error),
             },
             Stage::Open { receiver, .. } => match receiver.receive().await {
-                Ok(Some(ImageReply::Acknowledged { tile, attempt })) => {
-                    return Ok(Event::Acknowledged { tile, attempt });
+                Ok(Some(ImageReply::Acknowledged { tile, attempt, receipt })) => {
+                    return Ok(Event::Acknowledged { tile, attempt, receipt });
                 }
                 Ok(Some(ImageReply::Refused(why))) => return Err(NodeError::PixelsRefused(why)),
                 Ok(None) => self.lose(&"the display closed the connection"),
@@ -94,13 +95,13 @@ impl DisplayLink {
     }
 
     /// Without a connection nothing is sent: whoever is told that there is one again sends all that matters.
-    pub async fn send(&mut self, tile: TileId, attempt: Attempt, pixels: &Pixels) {
+    pub async fn send(&mut self, tile: TileId, attempt: Attempt, permit: Mac, pixels: &Pixels) {
         let Stage::Open { sender, .. } = &mut self.stage else { return };
         let planes = pixels.planes();
         let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
         let [colour, depth, normal, primitive] = planes;
         let planes = colour.chain(depth).chain(normal).chain(primitive);
-        if let Err(error) = sender.send_with_bulk(&TilePixels { tile, attempt, crc32c }, planes).await {
+        if let Err(error) = sender.send_with_bulk(&TilePixels { tile, attempt, permit, crc32c }, planes).await {
             self.lose(&error);
         }
     }

@@ -196,7 +196,7 @@ impl Shell {
                 None => Err(NodeError::Tracer("its thread ended".to_owned())),
             },
             reply = self.from_master.receive() => match reply? {
-                Some(WorkReply::Job { tile, attempt }) => Ok(Event::Job { tile, attempt }),
+                Some(WorkReply::Job { tile, attempt, permit }) => Ok(Event::Job { tile, attempt, permit }),
                 None => Err(NodeError::Left(Role::Master(self.cluster))),
             },
             event = self.display.event() => event,
@@ -217,11 +217,15 @@ impl Shell {
                 // An error means that the manager is gone: its commands end too.
                 Action::TellPackets(packets) => drop(self.reports.send(NodeReport::Packets(packets)).await),
                 Action::AskForTile => self.to_master.send(&WorkRequest::Ready).await?,
-                Action::TellDone(done) => self.to_master.send(&WorkRequest::Done(done)).await?,
+                Action::TellDone { done, receipt } => {
+                    self.to_master.send(&WorkRequest::Done { done, receipt }).await?;
+                }
                 // There is room: no more tiles are asked for than the queue takes.
                 Action::Trace(job) => self.tracer.jobs.try_send(job).map_err(|e| NodeError::Tracer(e.to_string()))?,
                 Action::DialDisplay { address, pause } => self.display.redial(address, pause),
-                Action::SendPixels { tile, attempt, pixels } => self.display.send(tile, attempt, &pixels).await,
+                Action::SendPixels { tile, attempt, permit, pixels } => {
+                    self.display.send(tile, attempt, permit, &pixels).await;
+                }
             }
         }
         Ok(())

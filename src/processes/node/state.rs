@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use crate::ids::{Attempt, TileId};
 use crate::protocol::control::Packets;
+use crate::protocol::mac::Mac;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::tracer::{Pixels, Rect, Tiling};
 
@@ -26,6 +27,7 @@ pub struct Job {
     pub tile: TileId,
     pub attempt: Attempt,
     pub rect: Rect,
+    pub permit: Mac,
 }
 
 /// A traced tile: its completion, and its pixels.
@@ -33,6 +35,8 @@ pub struct Job {
 pub struct Traced {
     pub done: Box<TileDone>,
     pub pixels: Arc<Pixels>,
+    /// Of its job.
+    pub permit: Mac,
 }
 
 #[derive(Clone, PartialEq, Debug)]
@@ -43,12 +47,14 @@ pub enum Event {
     Job {
         tile: TileId,
         attempt: Attempt,
+        permit: Mac,
     },
     Traced(Traced),
     /// The display has the tile.
     Acknowledged {
         tile: TileId,
         attempt: Attempt,
+        receipt: Mac,
     },
     /// The connection that was dialled last is there.
     DisplayReached,
@@ -75,9 +81,14 @@ pub enum Action {
     SendPixels {
         tile: TileId,
         attempt: Attempt,
+        permit: Mac,
         pixels: Arc<Pixels>,
     },
-    TellDone(Box<TileDone>),
+    TellDone {
+        done: Box<TileDone>,
+        /// The display's.
+        receipt: Mac,
+    },
 }
 
 /// Another process says what has no place in the conversation.
@@ -138,7 +149,7 @@ impl State {
                 let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
                 Ok(packets.map(Action::TellPackets).into_iter().chain(ask).collect())
             }
-            Event::Job { tile, attempt } => {
+            Event::Job { tile, attempt, permit } => {
                 let tiles = self.tiling.tile_count();
                 let rect = self.tiling.rect(tile).ok_or(Violation::NoSuchTile { tile, tiles })?;
                 self.asked = self.asked.checked_sub(1).ok_or(Violation::Unasked { tile })?;
@@ -147,7 +158,7 @@ impl State {
                     return Ok(Vec::new());
                 }
                 self.tracing += 1;
-                Ok(vec![Action::Trace(Job { tile, attempt, rect })])
+                Ok(vec![Action::Trace(Job { tile, attempt, rect, permit })])
             }
             Event::Traced(traced) => {
                 self.tracing = self.tracing.saturating_sub(1);
@@ -155,15 +166,15 @@ impl State {
                 self.traced.push(traced);
                 Ok(send.into_iter().collect())
             }
-            Event::Acknowledged { tile, attempt } => {
+            Event::Acknowledged { tile, attempt, receipt } => {
                 let is_it = |traced: &Traced| (traced.done.tile, traced.done.attempt) == (tile, attempt);
                 let traced = self.traced.iter().position(is_it).filter(|_| self.reached);
                 let Traced { done, .. } = self.traced.remove(traced.ok_or(Violation::NotSent { tile, attempt })?);
                 if self.leaving {
-                    return Ok(vec![Action::TellDone(done)]);
+                    return Ok(vec![Action::TellDone { done, receipt }]);
                 }
                 self.asked += 1;
-                Ok(vec![Action::TellDone(done), Action::AskForTile])
+                Ok(vec![Action::TellDone { done, receipt }, Action::AskForTile])
             }
             Event::DisplayReached => {
                 self.reached = true;
@@ -186,20 +197,32 @@ impl State {
 impl Traced {
     fn send(&self) -> Action {
         let TileDone { tile, attempt, .. } = *self.done;
-        Action::SendPixels { tile, attempt, pixels: Arc::clone(&self.pixels) }
+        Action::SendPixels { tile, attempt, permit: self.permit, pixels: Arc::clone(&self.pixels) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::{Epoch, NodeId};
+    use crate::protocol::mac::{Claim, MacKey};
     use crate::tracer::TraceStats;
     use crate::tracer::simd::Simd;
 
+    const CLAIM: Claim = Claim { tile: TileId(0), attempt: Attempt(0), node: NodeId(0), epoch: Epoch(0) };
+    const KEY: MacKey = MacKey::new([1; 32]);
     const TILING: Tiling = Tiling { width: 10, height: 10, tile_width: 4, tile_height: 4 };
 
+    fn permit() -> Mac {
+        KEY.permit(CLAIM)
+    }
+
+    fn receipt() -> Mac {
+        KEY.receipt(CLAIM)
+    }
+
     fn job(tile: u32) -> Event {
-        Event::Job { tile: TileId(tile), attempt: Attempt(0) }
+        Event::Job { tile: TileId(tile), attempt: Attempt(0), permit: permit() }
     }
 
     fn done(tile: u32) -> Box<TileDone> {
@@ -212,6 +235,10 @@ mod tests {
         })
     }
 
+    fn tell_done(tile: u32) -> Action {
+        Action::TellDone { done: done(tile), receipt: receipt() }
+    }
+
     fn display(port: u16) -> SocketAddr {
         ([127, 0, 0, 1], port).into()
     }
@@ -221,7 +248,7 @@ mod tests {
     }
 
     fn send(tile: u32) -> Action {
-        Action::SendPixels { tile: TileId(tile), attempt: Attempt(0), pixels: pixels(tile) }
+        Action::SendPixels { tile: TileId(tile), attempt: Attempt(0), permit: permit(), pixels: pixels(tile) }
     }
 
     fn dial(port: u16, pause: Duration) -> Result<Vec<Action>, Violation> {
@@ -229,11 +256,11 @@ mod tests {
     }
 
     fn traced(tile: u32) -> Event {
-        Event::Traced(Traced { done: done(tile), pixels: pixels(tile) })
+        Event::Traced(Traced { done: done(tile), pixels: pixels(tile), permit: permit() })
     }
 
     fn acknowledged(tile: u32) -> Event {
-        Event::Acknowledged { tile: TileId(tile), attempt: Attempt(0) }
+        Event::Acknowledged { tile: TileId(tile), attempt: Attempt(0), receipt: receipt() }
     }
 
     fn ready() -> State {
@@ -267,11 +294,11 @@ mod tests {
         let mut state = ready();
         let rect = Rect { x: 8, y: 8, width: 2, height: 2 };
         let (tile, attempt) = (TileId(8), Attempt(0));
-        assert_eq!(state.handle(job(8)), Ok(vec![Action::Trace(Job { tile, attempt, rect })]));
+        assert_eq!(state.handle(job(8)), Ok(vec![Action::Trace(Job { tile, attempt, rect, permit: permit() })]));
         assert!(!state.awaits_display());
         assert_eq!(state.handle(traced(8)), Ok(vec![send(8)]));
         assert!(state.awaits_display());
-        assert_eq!(state.handle(acknowledged(8)), Ok(vec![Action::TellDone(done(8)), Action::AskForTile]));
+        assert_eq!(state.handle(acknowledged(8)), Ok(vec![tell_done(8), Action::AskForTile]));
         assert!(!state.awaits_display());
     }
 
@@ -303,7 +330,7 @@ mod tests {
         assert!(!state.has_left());
         state.handle(traced(0)).expect("held");
         assert!(!state.has_left());
-        assert_eq!(state.handle(acknowledged(0)), Ok(vec![Action::TellDone(done(0))]));
+        assert_eq!(state.handle(acknowledged(0)), Ok(vec![tell_done(0)]));
         assert!(state.has_left());
     }
 
@@ -323,7 +350,7 @@ mod tests {
         assert_eq!(state.handle(Event::DisplayLost), dial(2, REDIAL_PAUSE));
         assert_eq!(state.handle(Event::DisplayReached), Ok([0, 2, 3, 4].map(send).to_vec()));
         for tile in [0, 2, 3, 4] {
-            let told = vec![Action::TellDone(done(tile)), Action::AskForTile];
+            let told = vec![tell_done(tile), Action::AskForTile];
             assert_eq!(state.handle(acknowledged(tile)), Ok(told));
         }
         assert!(!state.awaits_display());

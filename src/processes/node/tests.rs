@@ -19,6 +19,7 @@ use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::scene::{Camera, Light, Material, Scene, Sphere};
@@ -29,11 +30,17 @@ use crate::tracer::view::ImageSettings;
 use crate::tracer::{AovSet, Pixels, TileTracer, Tiling, View};
 
 const TOKEN: RunToken = RunToken::new([5; 32]);
+const KEY: MacKey = MacKey::new([6; 32]);
 const SOON: Duration = Duration::from_secs(10);
 const TILING: Tiling = Tiling { width: 20, height: 13, tile_width: 8, tile_height: 8 };
 const AOV: AovSet = AovSet { depth: true, normal: false, primitive: true };
 const ALL: MemorySize = MemorySize::All;
 const SMALL: MemorySize = MemorySize::Share { numerator: 1, denominator: 16 };
+
+/// The only attempt at a tile: its number is the tile's.
+fn claim(tile: u32) -> Claim {
+    Claim { tile: TileId(tile), attempt: Attempt(tile), node: NodeId(0), epoch: Epoch(0) }
+}
 
 /// 27 spheres, some of them mirrors.
 fn database() -> Verified {
@@ -124,13 +131,16 @@ async fn play_master(mut listener: Listener, all: oneshot::Sender<Vec<TileDone>>
     while all_done.len() < TILING.tile_count() as usize {
         match receiver.receive().await.expect("whole frames").expect("the node stays") {
             WorkRequest::Ready if next < TILING.tile_count() => {
-                sender.send(&WorkReply::Job { tile: TileId(next), attempt: Attempt(next) }).await.expect("awaited");
+                let job =
+                    WorkReply::Job { tile: TileId(next), attempt: Attempt(next), permit: KEY.permit(claim(next)) };
+                sender.send(&job).await.expect("awaited");
                 next += 1;
                 outstanding += 1;
                 assert!(outstanding <= JOBS_PER_NODE);
             }
             WorkRequest::Ready => {}
-            WorkRequest::Done(done) => {
+            WorkRequest::Done { done, receipt } => {
+                assert!(KEY.is_receipt(claim(done.tile.0), receipt));
                 outstanding -= 1;
                 all_done.push(*done);
             }
@@ -151,7 +161,7 @@ async fn play_mortal_display(mut listener: Listener, tiles_max: usize) -> Vec<Ve
     let (_, connection) = listener.arrival().await.expect("the node");
     let (mut sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
     let mut received = 0;
-    while let Ok(Some((TilePixels { tile, attempt, crc32c }, planes))) = receiver.receive_with_bulk().await {
+    while let Ok(Some((TilePixels { tile, attempt, permit, crc32c }, planes))) = receiver.receive_with_bulk().await {
         received += 1;
         if received == tiles_max {
             break;
@@ -159,7 +169,9 @@ async fn play_mortal_display(mut listener: Listener, tiles_max: usize) -> Vec<Ve
         assert_eq!(crc32c, crc32c::crc32c(&planes));
         assert_eq!(planes.len(), Pixels::byte_len(TILING.rect(tile).expect("in the image").pixel_count(), AOV));
         tiles[tile.0 as usize] = planes.to_vec();
-        sender.send(&ImageReply::Acknowledged { tile, attempt }).await.expect("awaited");
+        assert!(KEY.is_permit(claim(tile.0), permit));
+        let receipt = KEY.receipt(claim(tile.0));
+        sender.send(&ImageReply::Acknowledged { tile, attempt, receipt }).await.expect("awaited");
     }
     tiles
 }
@@ -360,7 +372,9 @@ async fn a_master_or_display_that_breaks_the_conversation_is_named() {
             let (_, connection) = master.arrival().await.expect("the node");
             let (mut sender, mut receiver) = connection.split::<WorkReply, WorkRequest>();
             while let Ok(Some(_)) = receiver.receive().await {
-                let _ = sender.send(&WorkReply::Job { tile: TileId(tile), attempt: Attempt(0) }).await;
+                let _ = sender
+                    .send(&WorkReply::Job { tile: TileId(tile), attempt: Attempt(0), permit: Mac::default() })
+                    .await;
             }
         });
         tokio::spawn(async move {

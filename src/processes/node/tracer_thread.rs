@@ -79,9 +79,9 @@ fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, 
     let (pixels, trace) = memory.trace(job, aov)?;
     let render_cpu_nanoseconds = thread_cpu_nanoseconds()?.saturating_sub(start);
     memory.bus().tell_pixels(job.rect.pixel_count())?;
-    let Job { tile, attempt, .. } = *job;
+    let Job { tile, attempt, permit, .. } = *job;
     let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
-    Ok(Traced { done: Box::new(done), pixels: Arc::new(pixels) })
+    Ok(Traced { done: Box::new(done), pixels: Arc::new(pixels), permit })
 }
 
 fn thread_cpu_nanoseconds() -> nix::Result<u64> {

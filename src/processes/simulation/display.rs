@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 
 use super::child::{BADLY, Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
-use crate::ids::{Attempt, TileId};
-use crate::journal::{Record, RunId};
+use crate::ids::{Attempt, Producer, TileId};
+use crate::journal::Record;
 use crate::processes::display::state::{Action, ConnectionId, Event, Finished, Source, State};
 use crate::processes::manager::process::{Command, Report};
+use crate::processes::manager::rehearsal;
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
-
-const RUN: RunId = RunId(1);
 
 /// What outlives the displays.
 #[derive(Debug, Default)]
@@ -20,8 +19,8 @@ pub(super) struct Journal {
 
 #[derive(Debug)]
 enum Entry {
-    Pixels { tile: TileId, attempt: Attempt, source: Source, planes: Vec<u8> },
-    Revoked { tile: TileId, attempt: Attempt },
+    Pixels { tile: TileId, attempt: Attempt, producer: Producer, planes: Vec<u8> },
+    Condemned(Producer),
 }
 
 #[derive(Debug)]
@@ -38,29 +37,29 @@ pub(super) struct Display {
 impl Journal {
     fn append(&mut self, record: &Record) {
         self.entries.push(match *record {
-            Record::Pixels { tile, attempt, source, planes } => {
-                Entry::Pixels { tile, attempt, source, planes: planes.to_vec() }
+            Record::Pixels { tile, attempt, producer, planes } => {
+                Entry::Pixels { tile, attempt, producer, planes: planes.to_vec() }
             }
-            Record::Revoked { tile, attempt } => Entry::Revoked { tile, attempt },
+            Record::Condemned(producer) => Entry::Condemned(producer),
         });
     }
 
     fn restore(&self, state: &mut State) {
         for entry in &self.entries {
             let record = match entry {
-                Entry::Pixels { tile, attempt, source, planes } => {
-                    Record::Pixels { tile: *tile, attempt: *attempt, source: *source, planes }
+                Entry::Pixels { tile, attempt, producer, planes } => {
+                    Record::Pixels { tile: *tile, attempt: *attempt, producer: *producer, planes }
                 }
-                Entry::Revoked { tile, attempt } => Record::Revoked { tile: *tile, attempt: *attempt },
+                Entry::Condemned(producer) => Record::Condemned(*producer),
             };
-            state.restore(RUN, &record);
+            state.restore(&record);
         }
     }
 
     /// Whose pixels of a tile were taken last.
     pub(super) fn source(&self, of: TileId) -> Option<Source> {
         self.entries.iter().rev().find_map(|entry| match entry {
-            Entry::Pixels { tile, source, .. } if *tile == of => Some(*source),
+            Entry::Pixels { tile, producer, .. } if *tile == of => Some((producer.node, producer.epoch)),
             _ => None,
         })
     }
@@ -95,8 +94,10 @@ impl Display {
         match command {
             DisplayCommand::Heartbeat => {}
             DisplayCommand::Configure(configuration) => self.configure(network, journal, &configuration),
-            DisplayCommand::Revoke(revocations) => self.handle(network, journal, Event::Revoke(revocations)),
-            DisplayCommand::TilesOf(node, epoch) => self.handle(network, journal, Event::TilesOf((node, epoch))),
+            DisplayCommand::Condemn(producer) => self.handle(network, journal, Event::Condemn(producer)),
+            DisplayCommand::TellHoldings { question } => {
+                self.handle(network, journal, Event::TellHoldings { question });
+            }
             DisplayCommand::Finish => {
                 let Some(state) = self.state.take() else { return network.exit(self.child.me, BADLY) };
                 for (wire, _) in std::mem::take(&mut self.peers).into_values() {
@@ -118,12 +119,14 @@ impl Display {
     }
 
     fn configure(&mut self, network: &mut Network, journal: &mut Journal, configuration: &DisplayConfiguration) {
-        let Ok(mut state) = State::new(configuration, RUN) else { return network.exit(self.child.me, BADLY) };
+        let Ok(mut state) = State::new(configuration, rehearsal::RUN) else {
+            return network.exit(self.child.me, BADLY);
+        };
         if !configuration.resume {
             *journal = Journal::default();
         }
         journal.restore(&mut state);
-        self.report(network, DisplayReport::Restored(state.restored()));
+        self.report(network, DisplayReport::Restored(state.holdings()));
         self.report(network, DisplayReport::Listening(Network::address(self.child.me)));
         self.state = Some(state);
     }

@@ -110,9 +110,9 @@ impl Master {
         for action in actions {
             match action {
                 Action::Report(report) => self.child.report(network, Report::Master(report)),
-                Action::Hand { to, tile, attempt } => {
+                Action::Hand { to, tile, attempt, permit } => {
                     if let Some(wire) = wire_of(&self.peers, to) {
-                        network.send(self.child.me, wire, Message::Job { tile, attempt });
+                        network.send(self.child.me, wire, Message::Job { tile, attempt, permit });
                     }
                 }
                 Action::Bus(message) => {

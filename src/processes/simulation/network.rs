@@ -11,6 +11,7 @@ use super::dice::Dice;
 use crate::ids::{Attempt, TileId};
 use crate::processes::manager::process::{Command, ProcessId, Report};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::Mac;
 use crate::protocol::memory::MemoryRequest;
 use crate::protocol::work::WorkRequest;
 
@@ -46,7 +47,7 @@ pub(super) enum Message {
     Command(Command),
     Report(Report),
     Work(WorkRequest),
-    Job { tile: TileId, attempt: Attempt },
+    Job { tile: TileId, attempt: Attempt, permit: Mac },
     Modelled(MemoryRequest),
     Fetch { tile: TileId, attempt: Attempt, fetches: u64, bytes: u64 },
     Data,

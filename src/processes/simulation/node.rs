@@ -14,6 +14,7 @@ use crate::processes::manager::process::{Command, Report};
 use crate::processes::node::state::{Action, Event, Job, State, Traced};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport, Packets};
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::protocol::mac::Mac;
 use crate::protocol::work::WorkRequest;
 use crate::topology::MemorySize;
 use crate::tracer::Pixels;
@@ -84,12 +85,12 @@ impl Node {
             // The database, in one piece.
             Parcel::Welcome if wire == self.bus => self.fetch(network, TileId(0), Attempt(0), 0, 0),
             Parcel::Message(Message::Data) if wire == self.bus => self.data(network),
-            Parcel::Message(Message::Job { tile, attempt }) if wire == self.master => {
-                self.handle(network, Event::Job { tile, attempt });
+            Parcel::Message(Message::Job { tile, attempt, permit }) if wire == self.master => {
+                self.handle(network, Event::Job { tile, attempt, permit });
             }
             Parcel::Message(Message::Reply(reply)) if wire == self.display.wire => match reply {
-                ImageReply::Acknowledged { tile, attempt } => {
-                    self.handle(network, Event::Acknowledged { tile, attempt });
+                ImageReply::Acknowledged { tile, attempt, receipt } => {
+                    self.handle(network, Event::Acknowledged { tile, attempt, receipt });
                 }
                 ImageReply::Refused(why) => self.fail(network, format!("the display refused a tile: {why}")),
             },
@@ -203,7 +204,7 @@ impl Node {
         }
         let done = Box::new(fake_tracer::done(job.tile, job.attempt, size));
         self.trace(network);
-        self.handle(network, Event::Traced(Traced { done, pixels: Arc::new(pixels) }));
+        self.handle(network, Event::Traced(Traced { done, pixels: Arc::new(pixels), permit: job.permit }));
     }
 
     /// Begins with the next tile.
@@ -245,13 +246,15 @@ impl Node {
                     self.child.report(network, Report::Node(NodeReport::Packets(packets)));
                 }
                 Action::AskForTile => self.ask(network, WorkRequest::Ready),
-                Action::TellDone(done) => self.ask(network, WorkRequest::Done(done)),
+                Action::TellDone { done, receipt } => self.ask(network, WorkRequest::Done { done, receipt }),
                 Action::Trace(job) => {
                     self.jobs.push_back(job);
                     self.trace(network);
                 }
                 Action::DialDisplay { address, pause } => self.redial(network, address, pause),
-                Action::SendPixels { tile, attempt, pixels } => self.send_pixels(network, tile, attempt, &pixels),
+                Action::SendPixels { tile, attempt, permit, pixels } => {
+                    self.send_pixels(network, (tile, attempt, permit), &pixels);
+                }
             }
         }
         if self.state.as_ref().is_some_and(State::has_left) {
@@ -282,11 +285,11 @@ impl Node {
         }
     }
 
-    fn send_pixels(&self, network: &mut Network, tile: TileId, attempt: Attempt, pixels: &Pixels) {
+    fn send_pixels(&self, network: &mut Network, (tile, attempt, permit): (TileId, Attempt, Mac), pixels: &Pixels) {
         let Some(display) = self.display.wire.filter(|_| self.display.reached) else { return };
         let mut bytes = Vec::new();
         pixels.write_bytes(&mut bytes);
-        let pixels = TilePixels { tile, attempt, crc32c: crc32c::crc32c(&bytes) };
+        let pixels = TilePixels { tile, attempt, permit, crc32c: crc32c::crc32c(&bytes) };
         network.send(self.child.me, display, Message::Pixels(pixels, bytes));
     }
 

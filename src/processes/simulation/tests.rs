@@ -47,5 +47,5 @@ fn without_verification_a_corrupt_nodes_pixels_are_seen() {
     schedule.play.run.verify = 0.02;
     let verified = rehearse(&schedule, None);
     assert_eq!((verified.wrong_tiles, verified.broken), (0, Vec::new()));
-    assert!(verified.incidents.iter().any(|text| text.contains("node 1 (epoch 0) is corrupt")));
+    assert!(verified.incidents.iter().any(|text| text.contains("node 1 (epoch 0) is condemned")));
 }

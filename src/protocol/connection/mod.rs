@@ -8,6 +8,7 @@ pub mod credentials;
 mod halves;
 pub mod handshake;
 pub mod listener;
+mod queued;
 pub mod read_buffer;
 pub mod socket;
 mod strangers;
@@ -30,6 +31,7 @@ pub use blocking::BlockingConnection;
 pub use credentials::{Credentials, Introduction};
 pub use handshake::{Peer, accept, connect};
 pub use listener::{Arrival, Listener};
+pub use queued::QueuedSender;
 pub use socket::Socket;
 pub use tls::Tls;
 
@@ -66,6 +68,8 @@ pub enum Fault {
     Silent { awaited: &'static str, deadline: Duration },
     #[error("did not read for {} ms", deadline.as_millis())]
     Stuck { deadline: Duration },
+    #[error("did not read {messages} messages")]
+    Unread { messages: usize },
     /// A message that has no place at this point of the conversation.
     #[error("{0}")]
     Unexpected(String),

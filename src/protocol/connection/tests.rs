@@ -11,6 +11,7 @@ use super::*;
 use crate::codec::encode;
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::protocol::hello::{Hello, HelloReply, PROTOCOL_VERSION, Role, RunToken};
+use crate::protocol::mac::Mac;
 use crate::protocol::work::{WorkReply, WorkRequest};
 
 const TOKEN: RunToken = RunToken::new([7; 32]);
@@ -62,7 +63,7 @@ async fn a_known_peer_is_welcome_and_both_talk() {
 
     to_master.send(&WorkRequest::Ready).await.expect("open");
     assert_eq!(from_node.receive_within(SOON).await.expect("sent"), Some(WorkRequest::Ready));
-    let job = WorkReply::Job { tile: TileId(5), attempt: Attempt(0) };
+    let job = WorkReply::Job { tile: TileId(5), attempt: Attempt(0), permit: Mac::default() };
     to_node.send(&job).await.expect("open");
     assert_eq!(from_master.receive_within(SOON).await.expect("sent"), Some(job));
     assert_eq!(to_master.wire_bytes(), from_node.wire_bytes());
@@ -73,7 +74,8 @@ async fn a_known_peer_is_welcome_and_both_talk() {
 
 #[tokio::test]
 async fn a_torn_frame_is_not_a_clean_close() {
-    let frame = encode(&WorkReply::Job { tile: TileId(5), attempt: Attempt(0) }, &[]).expect("short");
+    let frame =
+        encode(&WorkReply::Job { tile: TileId(5), attempt: Attempt(0), permit: Mac::default() }, &[]).expect("short");
     for cut in 1..frame.len() {
         let (mut dialled, accepted) = tcp_pair().await;
         let (_, mut receiver) =
@@ -113,7 +115,7 @@ async fn strangers_are_refused_and_named() {
         (
             "a wrong version",
             frame(&Hello { version: PROTOCOL_VERSION + 1, ..hello() }),
-            "it speaks protocol version 3, expected 2",
+            "it speaks protocol version 4, expected 3",
         ),
         (
             "a wrong token",
@@ -224,7 +226,8 @@ fn welcoming(pieces: Vec<Vec<u8>>, pause: Duration) -> (SocketAddr, std::thread:
 
 #[test]
 fn a_blocking_connection_puts_pieces_together() {
-    let jobs: Vec<_> = (0..3).map(|tile| WorkReply::Job { tile: TileId(tile), attempt: Attempt(1) }).collect();
+    let jobs: Vec<_> =
+        (0..3).map(|tile| WorkReply::Job { tile: TileId(tile), attempt: Attempt(1), permit: Mac::default() }).collect();
     let bytes: Vec<u8> = jobs.iter().flat_map(|job| encode(job, &[]).expect("short")).collect();
     for piece in [1, 5, 17, bytes.len()] {
         let (address, peer) = welcoming(bytes.chunks(piece).map(<[u8]>::to_vec).collect(), Duration::from_millis(1));
@@ -246,7 +249,8 @@ fn a_blocking_connection_puts_pieces_together() {
 #[test]
 fn a_blocking_connection_waits_for_a_whole_frame_only_so_long() {
     // One byte at a time, each well within the deadline, all of them not.
-    let frame = encode(&WorkReply::Job { tile: TileId(1), attempt: Attempt(1) }, &[]).expect("short");
+    let frame =
+        encode(&WorkReply::Job { tile: TileId(1), attempt: Attempt(1), permit: Mac::default() }, &[]).expect("short");
     let (address, peer) = welcoming(frame.chunks(1).map(<[u8]>::to_vec).collect(), Duration::from_millis(60));
     let deadline = Duration::from_millis(200);
     let mut connection = BlockingConnection::<WorkRequest, WorkReply>::connect(
