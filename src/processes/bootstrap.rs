@@ -17,7 +17,7 @@ use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
 use crate::protocol::control::{Bootstrap, Command};
-use crate::protocol::hello::Role;
+use crate::protocol::hello::{Hello, Role};
 use crate::telemetry::{self, TelemetryError};
 
 use super::health::{self, Health, HealthError, Metric};
@@ -96,7 +96,11 @@ impl Child {
 
     /// How this process introduces itself, to whomever it dials.
     pub fn introduction(&self) -> Introduction {
-        self.credentials().introduction(self.bootstrap.role, self.bootstrap.epoch)
+        let Bootstrap { role, epoch, token, .. } = self.bootstrap;
+        match role {
+            Role::Node(_) => Introduction { hello: Hello::new(role, epoch, token), tls: self.tls.clone() },
+            _ => self.credentials().introduction(role, epoch),
+        }
     }
 
     /// What this process asks of those who dial it.

@@ -16,9 +16,9 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 use super::{Child, listening, token};
 use crate::ids::Epoch;
 use crate::keys::Identity;
-use crate::protocol::connection::{Credentials, Tls, connect};
+use crate::protocol::connection::{Introduction, Tls, connect};
 use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::join::{JoinReply, JoinRequest};
 
 /// For the manager to answer the hello.
@@ -105,7 +105,7 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
     let like = joining.bind.unwrap_or([127, 0, 0, 1].into());
     let address = listening::look_up(&joining.manager, joining.port, like).await.map_err(|error| said(&error))?;
     let identity = identity(role, joining)?;
-    let introduction = credentials(joining, identity.as_ref())?.introduction(role, Epoch::JOINING);
+    let introduction = introduction(role, joining, identity.as_ref())?;
     let connection =
         connect(Role::Manager, address, &introduction, CONNECT_DEADLINE).await.map_err(|error| said(&error))?;
     let (mut sender, mut receiver) = connection.split::<JoinRequest, JoinReply>();
@@ -138,13 +138,13 @@ fn identity(role: Role, joining: &Joining) -> Result<Option<Identity>, String> {
 }
 
 /// Without a token a certificate must do.
-fn credentials(joining: &Joining, identity: Option<&Identity>) -> Result<Credentials, String> {
+fn introduction(role: Role, joining: &Joining, identity: Option<&Identity>) -> Result<Introduction, String> {
     let token = match &joining.token {
         Some(path) => token::read(path).map_err(|error| error.to_string())?,
         None => RunToken::new([0; 32]),
     };
     let tls = identity.map(Tls::new).transpose().map_err(|error| error.to_string())?;
-    Ok(Credentials { tls, ..Credentials::plain(token) })
+    Ok(Introduction { hello: Hello::new(role, Epoch::JOINING, token), tls })
 }
 
 /// Ever longer, up to a bound, and not the same for processes that were started together.

@@ -23,6 +23,7 @@ use crate::tracer::{AovSet, Tiling, View};
 pub struct Bootstrap {
     pub role: Role,
     pub epoch: Epoch,
+    /// A server's is the run's, a node's is its own.
     pub token: RunToken,
     pub manager: SocketAddr,
     /// What it proves itself with; `None`: plain TCP, or what it has of its own.

@@ -2,11 +2,13 @@
 
 use std::fmt;
 
+use hmac::Mac as _;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::ids::{ClusterId, Epoch, NodeId, RunId};
 use crate::keys::RoleKind;
+use crate::protocol::mac;
 
 /// Raised with every change of a message.
 pub const PROTOCOL_VERSION: u32 = 3;
@@ -51,8 +53,9 @@ impl fmt::Display for Role {
     }
 }
 
-/// A secret of one run: 32 random bytes that the manager hands down by an inherited pipe, so that neither
-/// another user nor a process of an earlier run can join. Compared in constant time, never printed.
+/// A secret of one run: 32 random bytes that the manager hands down to servers by an inherited pipe; or what follows from
+/// it for one process ([`Self::of`]), which is what a hello shows, and all that a node has. So neither another user nor a
+/// process of an earlier run can join, and no node can pose as another process. Compared in constant time, never printed.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub struct RunToken([u8; 32]);
 
@@ -61,12 +64,30 @@ impl RunToken {
         Self(bytes)
     }
 
+    /// Of a run's token: the token of a process of it. All processes that ask for a place have the same.
+    #[must_use]
+    pub fn of(self, role: Role, epoch: Epoch) -> Self {
+        let (kind, number) = match role {
+            _ if epoch == Epoch::JOINING => (0, 0),
+            Role::Manager => (1, 0),
+            Role::Bus(cluster) => (2, cluster.0),
+            Role::Master(cluster) => (3, cluster.0),
+            Role::Node(node) => (4, node.0),
+            Role::Display => (5, 0),
+        };
+        let mut message = [0; 7];
+        message[0] = kind;
+        message[1..3].copy_from_slice(&number.to_le_bytes());
+        message[3..].copy_from_slice(&epoch.0.to_le_bytes());
+        Self(mac::hmac(&self.0, &message).finalize().into_bytes().into())
+    }
+
     /// 64 digits, for a file that nobody else can read.
     pub fn to_hexadecimal(self) -> String {
         self.0.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
-    /// A name of the run that does not betray the secret.
+    /// Of a run's token: a name of the run that does not betray the secret.
     pub fn run_id(self) -> RunId {
         let digest = Sha256::digest(self.0);
         RunId(u64::from_le_bytes(std::array::from_fn(|i| digest[i])))
@@ -114,6 +135,7 @@ pub struct Hello {
     pub build: String,
     pub role: Role,
     pub epoch: Epoch,
+    /// This process's.
     pub token: RunToken,
 }
 
@@ -136,4 +158,29 @@ pub enum HelloReply {
     Welcome,
     /// Says what was expected.
     Refused(String),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_process_has_a_token_of_its_own_and_none_tells_the_runs() {
+        let run = RunToken::new([7; 32]);
+        let (node, epoch) = (Role::Node(NodeId(3)), Epoch(4));
+        let others = [
+            run.of(Role::Node(NodeId(2)), epoch),
+            run.of(node, Epoch(5)),
+            run.of(Role::Bus(ClusterId(3)), epoch),
+            run.of(Role::Master(ClusterId(3)), epoch),
+            run.of(Role::Manager, epoch),
+            run.of(node, Epoch::JOINING),
+            RunToken::new([8; 32]).of(node, epoch),
+            run,
+        ];
+        assert!(others.into_iter().all(|other| other != run.of(node, epoch)));
+        assert!(run.of(node, epoch) == run.of(node, epoch));
+        assert!(run.of(node, Epoch::JOINING) == run.of(Role::Display, Epoch::JOINING), "it has no place yet");
+        assert!(run.of(node, epoch).of(Role::Manager, Epoch(0)) != run.of(Role::Manager, Epoch(0)));
+    }
 }

@@ -77,21 +77,23 @@ impl MacKey {
     }
 
     fn hash(&self, statement: Statement, Claim { tile, attempt, node, epoch }: Claim) -> Hmac<Sha256> {
-        let mut hash = Hmac::<Sha256>::new(&self.padded().into());
         let mut message = [0; 15];
         message[0] = statement as u8;
         message[1..5].copy_from_slice(&tile.0.to_le_bytes());
         message[5..9].copy_from_slice(&attempt.0.to_le_bytes());
         message[9..13].copy_from_slice(&epoch.0.to_le_bytes());
         message[13..].copy_from_slice(&node.0.to_le_bytes());
-        hash.update(&message);
-        hash
+        hmac(&self.0, &message)
     }
+}
 
-    /// A key that is shorter than a block is filled with zeros (RFC 2104, section 2).
-    fn padded(&self) -> [u8; 64] {
-        std::array::from_fn(|i| self.0.get(i).copied().unwrap_or_default())
-    }
+/// HMAC-SHA256 of a message, to be finished or compared.
+pub(super) fn hmac(key: &[u8; 32], message: &[u8]) -> Hmac<Sha256> {
+    // A key that is shorter than a block is filled with zeros (RFC 2104, section 2).
+    let block: [u8; 64] = std::array::from_fn(|i| key.get(i).copied().unwrap_or_default());
+    let mut hash = Hmac::<Sha256>::new(&block.into());
+    hash.update(message);
+    hash
 }
 
 impl fmt::Debug for MacKey {

@@ -304,7 +304,9 @@ fn a_peer_that_stops_reading_is_dropped_and_holds_up_nobody() {
 #[test]
 fn garbage_after_the_hello_is_named() {
     let mut bus = TestBus::start();
-    let hello = codec::encode(&Hello::new(Role::Node(NodeId(9)), Epoch(0), TOKEN), &[]).expect("short");
+    let hello =
+        codec::encode(&Hello::new(Role::Node(NodeId(9)), Epoch(0), TOKEN.of(Role::Node(NodeId(9)), Epoch(0))), &[])
+            .expect("short");
     for (garbage, expected) in [(&[0xff; 8][..], "at most 64"), (&[0, 0, 0, 2, 9, 9], "not a MemoryRequest")] {
         let mut stream = std::net::TcpStream::connect(bus.address).expect("listening");
         std::io::Write::write_all(&mut stream, &hello).expect("open");

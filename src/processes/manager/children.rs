@@ -17,7 +17,7 @@ use super::state::Event;
 use crate::keys::Identity;
 use crate::processes::control_link::{ORPHAN_GRACE, patience};
 use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::RunToken;
+use crate::protocol::hello::{Role, RunToken};
 use crate::topology::{Launch, Placement};
 
 /// Signs of life within a heartbeat's deadline.
@@ -60,7 +60,7 @@ impl Children {
         let bootstrap = Bootstrap {
             role: id.role,
             epoch: id.epoch,
-            token: self.token,
+            token: self.token_for(id),
             manager: if is_local { manager } else { self.advertised },
             identity: self.identities.iter().find(|identity| identity.kind == id.role.kind()).cloned(),
             bind: host.bind,
@@ -91,6 +91,14 @@ impl Children {
             };
             let _ = events.send(Event::Exited(id, how)).await;
         });
+    }
+
+    /// A server judges others by the run's token; a node is dialled by nobody, and gets its own alone.
+    fn token_for(&self, ProcessId { role, epoch }: ProcessId) -> RunToken {
+        match role {
+            Role::Node(_) => self.token.of(role, epoch),
+            _ => self.token,
+        }
     }
 
     fn fate(&self, id: ProcessId) -> (Fate, Life) {

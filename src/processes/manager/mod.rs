@@ -50,11 +50,12 @@ use self::plan::Plan;
 use super::health::HealthError;
 use super::token;
 use crate::chaos;
+use crate::ids::Epoch;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{Credentials, Tls};
-use crate::protocol::hello::RunToken;
+use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::mac::MacKey;
 use crate::report::{Report, json};
 use crate::telemetry::{self, TelemetryError};
@@ -264,7 +265,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     };
     let joiners_token = (plan.placement.has_joiners() && request.keys.is_none()).then(|| folder.join_token());
     if let Some(path) = &joiners_token {
-        token::write(path, secret).map_err(RunError::Output)?;
+        token::write(path, secret.of(Role::Manager, Epoch::JOINING)).map_err(RunError::Output)?;
     }
     let run = shell::Run {
         start,

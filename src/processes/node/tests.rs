@@ -184,7 +184,7 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
     let bootstrap = Bootstrap {
         role: Role::Node(NodeId(0)),
         epoch: Epoch(0),
-        token: TOKEN,
+        token: TOKEN.of(Role::Node(NodeId(0)), Epoch(0)),
         manager: manager.address(),
         identity: None,
         bind: None,

@@ -7,6 +7,7 @@ use crate::protocol::hello::{Hello, Role, RunToken};
 /// What a listener asks of everybody who dials: the run's token and, on any address but loopback, TLS.
 #[derive(Clone, Debug)]
 pub struct Credentials {
+    /// The run's.
     pub token: RunToken,
     /// `None`: plain TCP.
     pub tls: Option<Tls>,
@@ -20,9 +21,9 @@ impl Credentials {
         Self { token, tls: None, joiners: false }
     }
 
-    /// How a process with these credentials introduces itself to another one.
+    /// How a process that has the run's token introduces itself to another one.
     pub fn introduction(&self, role: Role, epoch: Epoch) -> Introduction {
-        Introduction { hello: Hello::new(role, epoch, self.token), tls: self.tls.clone() }
+        Introduction { hello: Hello::new(role, epoch, self.token.of(role, epoch)), tls: self.tls.clone() }
     }
 }
 

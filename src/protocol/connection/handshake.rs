@@ -164,7 +164,7 @@ fn judge(
         return Err(Fault::Refused(format!("it says that it is {}, its certificate is that of {found}", hello.role)));
     }
     let comes_by_certificate = credentials.joiners && certified.is_some() && hello.epoch == Epoch::JOINING;
-    if hello.token != credentials.token && !comes_by_certificate {
+    if hello.token != credentials.token.of(hello.role, hello.epoch) && !comes_by_certificate {
         return Err(Fault::Refused(format!("{} has not the token of this run", hello.role)));
     }
     admits(hello.role, hello.epoch).map_err(|expected| {

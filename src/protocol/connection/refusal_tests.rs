@@ -108,7 +108,7 @@ fn without_address(said: &str) -> String {
 }
 
 fn hello(role: Role) -> Hello {
-    Hello::new(role, Epoch(1), TOKEN)
+    Hello::new(role, Epoch(1), TOKEN.of(role, Epoch(1)))
 }
 
 /// Passes one connection on to `to`, and keeps what the dialler sent.

@@ -19,7 +19,7 @@ const NODE: Role = Role::Node(NodeId(3));
 const SOON: Duration = Duration::from_secs(2);
 
 fn hello() -> Hello {
-    Hello::new(NODE, Epoch(1), TOKEN)
+    Hello::new(NODE, Epoch(1), TOKEN.of(NODE, Epoch(1)))
 }
 
 fn introduction() -> Introduction {
