@@ -10,17 +10,18 @@
 mod campaign;
 mod network;
 mod trial;
+mod undisturbed;
 
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::ExitCode;
 
 use campaign::{Campaign, Outcome};
 use network::Network;
-use serde_json::Value;
 use trial::Trial;
+use undisturbed::undisturbed;
 
 fn main() -> ExitCode {
     let options = Options::parse(std::env::args().skip(1));
@@ -36,7 +37,8 @@ fn main() -> ExitCode {
     let (mut campaign, mut images) = (Campaign::default(), HashMap::new());
     for number in options.first..options.first + options.schedules {
         let trial = Trial::new(number, &options, network.as_ref());
-        let expected = images.entry(trial.image()).or_insert_with(|| undisturbed(&trial, folder));
+        let (scene, side) = trial.image();
+        let expected = images.entry((scene, side)).or_insert_with(|| undisturbed(scene, side, folder));
         let outcome = trial.run(folder, network.as_ref(), expected);
         writeln!(rows, "{}", outcome.row(&trial)).expect("written");
         if outcome.verdict != "good" {
@@ -87,23 +89,4 @@ impl Options {
     fn has(&self, what: &str) -> bool {
         !self.without.iter().any(|without| without == what)
     }
-}
-
-/// The hash of the image, rendered by one process.
-fn undisturbed(trial: &Trial, folder: &Path) -> String {
-    let ((scene, size), side) = trial.image();
-    let report = folder.join("render.json");
-    let mut command = quiet(Command::new(env!("CARGO_BIN_EXE_marti")));
-    command.args(["render", &format!("{scene}:{size}"), "--size", &format!("{side}x{side}"), "-o"]);
-    command.arg(folder.join("render.png")).arg("--report").arg(&report);
-    assert!(command.status().expect("marti can be started").success());
-    let text = fs::read_to_string(report).expect("a report");
-    let report: Value = serde_json::from_str(&text).expect("a report is JSON");
-    report["image"]["sha256"].as_str().expect("image.sha256").to_owned()
-}
-
-/// In the project's folder, saying nothing.
-fn quiet(mut command: Command) -> Command {
-    command.current_dir(env!("CARGO_MANIFEST_DIR")).stdout(Stdio::null()).stderr(Stdio::null());
-    command
 }

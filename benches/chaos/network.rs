@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::quiet;
+use crate::undisturbed::quiet;
 
 const PORT: u16 = 4242;
 

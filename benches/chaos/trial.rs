@@ -10,9 +10,10 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::Value;
 
+use crate::Options;
 use crate::campaign::Outcome;
 use crate::network::{Disturbed, LinkCut, Network, Spread};
-use crate::{Options, quiet};
+use crate::undisturbed::quiet;
 
 /// A run that takes longer hangs: undisturbed ones take some seconds at most.
 const PATIENCE: Duration = Duration::from_secs(120);

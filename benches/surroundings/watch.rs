@@ -1,0 +1,397 @@
+//! One process and its children, from the beginning to the end of the last: what is done to them, and that it took effect.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use nix::sys::statvfs::statvfs;
+
+use crate::kind::End;
+use crate::memory_group::MemoryGroup;
+use crate::pipes::Pipes;
+use crate::place::{Place, Process, tool};
+use crate::surroundings::{Deed, Limit, Surroundings, Targets, When};
+
+/// A run that takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// For what the manager leaves behind: twice the deadline for heartbeats, the grace of an orphan, and a slow machine.
+pub(crate) const ORPHAN_PATIENCE: Duration = Duration::from_secs(10);
+/// For a signal to be seen in /proc.
+const SIGNAL_PATIENCE: Duration = Duration::from_secs(1);
+const STEP: Duration = Duration::from_millis(3);
+/// Rust's programs and the system's say such things where a limit is met.
+const REFUSALS: [&str; 8] = [
+    "os error 11)",
+    "os error 12)",
+    "os error 23)",
+    "os error 24)",
+    "os error 27)",
+    "os error 28)",
+    "died of signal",
+    "memory allocation of",
+];
+
+/// What came of it.
+pub(crate) struct Attempt {
+    pub(crate) end: End,
+    /// What was done when.
+    pub(crate) done: Vec<String>,
+    /// How it was seen from outside that it took effect; several things may have.
+    pub(crate) confirmed: Vec<String>,
+    /// The manager's death was our doing.
+    pub(crate) killed: bool,
+    pub(crate) faults: Vec<String>,
+    /// All that was said on streams that could be read.
+    pub(crate) text: String,
+    pub(crate) keeps_errors: bool,
+}
+
+pub(crate) struct Watch<'a> {
+    place: &'a Place,
+    surroundings: &'a Surroundings,
+    disk: PathBuf,
+    manager: u32,
+    start: Instant,
+    filler: Option<File>,
+    /// Until when the disk is kept full.
+    full: Option<Option<Duration>>,
+    /// Whom to let go on, and when.
+    stopped: Vec<(Process, Option<Duration>)>,
+    limits_shown: bool,
+    streams_shown: Option<String>,
+    /// Since when the manager is stopped for ever.
+    abandoned: Option<Instant>,
+    attempt: Attempt,
+}
+
+/// Runs `marti` in these surroundings. `journal` and its whole size say how far the run is; `name` is that of its streams.
+pub(crate) fn attempt(
+    place: &Place,
+    surroundings: &Surroundings,
+    arguments: &[String],
+    (journal, journal_bytes): (&Path, u64),
+    name: &str,
+) -> Result<Attempt, String> {
+    let disk = place.room.join("disk");
+    let files = surroundings.disk_files.map_or_else(|| "nr_inodes=0".to_owned(), |files| format!("nr_inodes={files}"));
+    tool("mount", &format!("-o remount,size={},{files} {}", surroundings.disk_bytes, disk.display()))?;
+    let group = surroundings.memory_bytes.map(MemoryGroup::new).transpose()?;
+    let mut filler = None;
+    if surroundings.deeds.iter().any(|(_, deed)| matches!(deed, Deed::Fill(_))) {
+        filler = Some(File::create(disk.join("filler")).map_err(|error| format!("a file to fill the disk: {error}"))?);
+    }
+
+    let mut command = Command::new("sh");
+    let mut pipes = Pipes::attach(&mut command, surroundings.streams, &place.room, &disk, name);
+    let joins = group.as_ref().map(|group| format!("echo $$ >{}/cgroup.procs; ", group.folder.display()));
+    let script = format!("{}exec \"$@\"{}", joins.unwrap_or_default(), pipes.closings());
+    command.args(["-c", &script, "sh", "prlimit"]);
+    command.args(surroundings.limits.iter().map(Limit::option)).arg(env!("CARGO_BIN_EXE_marti")).args(arguments);
+    command.current_dir(&place.room).env_remove("MARTI_LOG");
+    if let Some(user) = surroundings.user {
+        std::os::unix::process::CommandExt::uid(&mut command, user);
+    }
+    let mut manager = command.spawn().map_err(|error| format!("sh: {error}"))?;
+    // The pipes' other ends are the run's alone.
+    drop(command);
+
+    let confirmed = std::mem::take(&mut pipes.confirmed);
+    let mut watch = Watch {
+        place,
+        surroundings,
+        disk,
+        manager: manager.id(),
+        start: Instant::now(),
+        filler,
+        full: None,
+        stopped: Vec::new(),
+        limits_shown: surroundings.limits.is_empty(),
+        streams_shown: None,
+        abandoned: None,
+        attempt: Attempt {
+            end: End::Hang,
+            done: Vec::new(),
+            confirmed,
+            killed: false,
+            faults: Vec::new(),
+            text: String::new(),
+            keeps_errors: pipes.keeps_errors(),
+        },
+    };
+    let mut deeds = surroundings.deeds.clone();
+    while watch.attempt.end == End::Hang && watch.start.elapsed() < PATIENCE {
+        let share = fs::metadata(journal).map_or(0, |found| found.len() * 100 / journal_bytes);
+        pipes.step(watch.start.elapsed());
+        watch.step(&mut deeds, share, &pipes);
+        sleep(STEP);
+        if let Some(status) = manager.try_wait().expect("our own child") {
+            watch.attempt.end = status.into();
+        }
+    }
+    Ok(watch.finish(&mut manager, pipes, group))
+}
+
+impl Watch<'_> {
+    fn step(&mut self, deeds: &mut Vec<(When, Deed)>, share: u64, pipes: &Pipes) {
+        let elapsed = self.start.elapsed();
+        // Nobody is disturbed while the shell makes way for the program.
+        let begun = Process::find(self.manager).is_some_and(|process| process.name == "marti");
+        if !begun {
+            return;
+        }
+        if !self.limits_shown {
+            self.limits_shown = self.surroundings.limits.iter().all(|limit| limit.is_shown(self.manager));
+        }
+        if self.streams_shown.is_none() {
+            self.streams_shown = pipes.confirm(self.manager);
+        }
+        deeds.retain(|&(when, deed)| {
+            let is_due = match when {
+                When::After(time) => elapsed >= time,
+                When::Tiles(percent) => share > u64::from(percent),
+            };
+            if is_due {
+                self.attempt.done.push(format!("{:.3} s {deed:?}", elapsed.as_secs_f64()));
+                self.carry_out(deed);
+            }
+            !is_due
+        });
+        if self.full.is_some_and(|until| until.is_some_and(|until| elapsed >= until)) {
+            self.empty();
+        }
+        if self.full.is_some() {
+            self.fill();
+        }
+        self.stopped.retain(|(process, until)| {
+            let stays = until.is_none_or(|until| elapsed < until);
+            if !stays {
+                process.signal(Signal::SIGCONT);
+            }
+            stays
+        });
+        self.look_at_disk();
+        self.look_after_abandoned();
+    }
+
+    fn carry_out(&mut self, deed: Deed) {
+        let elapsed = self.start.elapsed();
+        match deed {
+            Deed::Fill(time) => {
+                self.full = Some(time.map(|time| elapsed + time));
+                self.fill();
+            }
+            Deed::Signal(signal, to) => {
+                let targets = self.choose(to);
+                targets.iter().for_each(|process| process.signal(signal));
+                self.attempt.killed |= to.manager && signal == Signal::SIGKILL;
+                // What else a signal does is seen by the exit code.
+                if [Signal::SIGKILL, Signal::SIGSEGV].contains(&signal) {
+                    self.confirm(&targets, "gone", |pid| Process::find(pid).is_none());
+                }
+            }
+            Deed::Stop(to, time) => {
+                let targets = self.choose(to);
+                targets.iter().for_each(|process| process.signal(Signal::SIGSTOP));
+                let stands = |pid| Process::find(pid).is_some_and(|process| process.state == 'T');
+                self.confirm(&targets, "in state T", stands);
+                if to.manager && time.is_none() {
+                    self.abandoned = Some(Instant::now());
+                }
+                self.stopped.extend(targets.into_iter().map(|process| (process, time.map(|time| elapsed + time))));
+            }
+            Deed::Limit(limit, to) => {
+                let targets = self.choose(to);
+                for process in &targets {
+                    // It may have ended just now.
+                    let _ = tool("prlimit", &format!("--pid {} {}", process.pid, limit.option()));
+                }
+                self.limits_shown |= targets.iter().any(|process| limit.is_shown(process.pid));
+            }
+        }
+    }
+
+    fn choose(&self, to: Targets) -> Vec<Process> {
+        let is_manager = |process: &Process| process.pid == self.manager;
+        let (mut chosen, children): (Vec<Process>, Vec<Process>) =
+            self.place.processes().into_iter().partition(is_manager);
+        if !to.manager {
+            chosen.clear();
+        }
+        let count = children.len();
+        let hit = |index: usize| to.children >> (index % 8) & 1 == 1;
+        let mut hit: Vec<bool> = (0..count).map(hit).collect();
+        if !to.manager && count > 0 && !hit.contains(&true) {
+            hit[to.children as usize % count] = true;
+        }
+        chosen.extend(children.into_iter().zip(hit).filter_map(|(process, hit)| hit.then_some(process)));
+        chosen
+    }
+
+    /// All of them have to be seen like that.
+    fn confirm(&mut self, targets: &[Process], what: &str, is_so: impl Fn(u32) -> bool) {
+        let start = Instant::now();
+        while !targets.iter().all(|process| is_so(process.pid)) {
+            if start.elapsed() > SIGNAL_PATIENCE {
+                return;
+            }
+            sleep(STEP);
+        }
+        if !targets.is_empty() {
+            let names: Vec<&str> = targets.iter().map(|process| process.name.as_str()).collect();
+            self.attempt.confirmed.push(format!("{what}: {}", names.join(" ")));
+        }
+    }
+
+    /// Until nothing goes in any more.
+    fn fill(&mut self) {
+        let Some(filler) = &mut self.filler else { return };
+        let chunk = vec![b'#'; 64 << 10];
+        loop {
+            match filler.write(&chunk) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::StorageFull => break,
+                Err(error) => panic!("a disk cannot be filled: {error}"),
+            }
+        }
+        self.look_at_disk();
+    }
+
+    fn empty(&mut self) {
+        self.full = None;
+        if let Some(filler) = &mut self.filler {
+            filler.set_len(0).expect("our own file can be emptied");
+            // The next byte goes to the beginning again.
+            std::io::Seek::rewind(filler).expect("our own file");
+        }
+    }
+
+    fn look_at_disk(&mut self) {
+        let found = statvfs(&self.disk).expect("a file system of ours");
+        let (blocks, files) = (found.blocks_free(), found.files_free());
+        let is_full = blocks == 0 || (self.surroundings.disk_files.is_some() && files == 0);
+        if !is_full || self.attempt.confirmed.iter().any(|what| what.starts_with("disk")) {
+            return;
+        }
+        let probe = self.disk.join("probe");
+        let written = OpenOptions::new().create(true).append(true).open(&probe).and_then(|mut file| file.write(b"?"));
+        let _ = fs::remove_file(&probe);
+        if written.is_err_and(|error| error.kind() == ErrorKind::StorageFull) {
+            self.attempt.confirmed.push(format!("disk: {blocks} blocks and {files} files free, a byte was refused"));
+        }
+    }
+
+    /// Once the children of a manager that is stopped for ever have ended, it is killed.
+    fn look_after_abandoned(&mut self) {
+        let Some(since) = self.abandoned else { return };
+        let children: Vec<Process> =
+            self.place.processes().into_iter().filter(|process| process.pid != self.manager).collect();
+        let is_late = since.elapsed() > ORPHAN_PATIENCE;
+        if is_late {
+            self.attempt.faults.extend(children.iter().map(|child| format!("orphan: {}", child.whereabouts())));
+        }
+        if is_late || children.is_empty() {
+            let seconds = since.elapsed().as_secs_f64();
+            self.attempt.done.push(format!("{} children left {seconds:.1} s later, then killed", children.len()));
+            self.abandoned = None;
+            self.attempt.killed = true;
+            self.stopped.iter().for_each(|(process, _)| process.signal(Signal::SIGKILL));
+        }
+    }
+
+    fn finish(mut self, manager: &mut Child, mut pipes: Pipes, group: Option<MemoryGroup>) -> Attempt {
+        self.look_at_disk();
+        if self.attempt.end == End::Hang {
+            let stands: Vec<String> = self.place.processes().iter().map(Process::whereabouts).collect();
+            self.attempt.faults.push(format!("hang: {}", stands.join(", ")));
+            self.place.processes().iter().for_each(|process| process.signal(Signal::SIGKILL));
+            manager.wait().expect("our own child");
+        }
+        // A stopped process cannot end by itself.
+        self.stopped.iter().for_each(|(process, _)| process.signal(Signal::SIGCONT));
+        for orphan in self.place.left_after(ORPHAN_PATIENCE) {
+            self.attempt.faults.push(format!("orphan: {}", orphan.whereabouts()));
+            orphan.signal(Signal::SIGKILL);
+        }
+        self.empty();
+        drop(self.filler.take());
+        let _ = fs::remove_file(self.disk.join("filler"));
+        pipes.drain();
+        self.attempt.confirmed.extend(group.as_ref().and_then(MemoryGroup::effect));
+        if let Some(shown) = self.streams_shown {
+            self.attempt.confirmed.push(shown);
+        }
+        self.attempt.text = pipes.text() + &logs(&self.disk);
+        let refusals: Vec<&str> = REFUSALS.into_iter().filter(|refusal| self.attempt.text.contains(refusal)).collect();
+        let has_limit = |(_, deed): &(When, Deed)| matches!(deed, Deed::Limit(..));
+        let is_limited = !self.surroundings.limits.is_empty() || self.surroundings.deeds.iter().any(has_limit);
+        // Limits that nothing meets are confirmed by themselves.
+        let is_met = self.attempt.end != End::Code(0) || !refusals.is_empty() || self.surroundings.limits.len() > 1;
+        if is_limited && self.limits_shown && is_met && self.attempt.end != End::Code(127) {
+            self.attempt.confirmed.push(format!("limit: in /proc/PID/limits; {:?} {refusals:?}", self.attempt.end));
+        }
+        if self.surroundings.disk_bytes < 2 << 20 && refusals.contains(&"os error 28)") {
+            self.attempt.confirmed.push("disk: a write of the run was refused".to_owned());
+        }
+        self.attempt
+    }
+}
+
+impl Limit {
+    /// `prlimit`'s; processor time has the soft limit first.
+    fn option(&self) -> String {
+        let hard = if self.resource == "cpu" { self.value + 1 } else { self.value };
+        format!("--{}={}:{hard}", self.resource, self.value)
+    }
+
+    fn is_shown(&self, pid: u32) -> bool {
+        let label = match self.resource {
+            "nofile" => "Max open files",
+            "nproc" => "Max processes",
+            "fsize" => "Max file size",
+            "as" => "Max address space",
+            "data" => "Max data size",
+            "stack" => "Max stack size",
+            "cpu" => "Max cpu time",
+            "core" => "Max core file size",
+            "memlock" => "Max locked memory",
+            "rss" => "Max resident set",
+            "locks" => "Max file locks",
+            "sigpending" => "Max pending signals",
+            "msgqueue" => "Max msgqueue size",
+            "nice" => "Max nice priority",
+            "rtprio" => "Max realtime priority",
+            other => unreachable!("{other} is no resource"),
+        };
+        let limits = fs::read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
+        let row = limits.lines().find_map(|line| line.strip_prefix(label));
+        row.and_then(|row| row.split_whitespace().next()) == Some(self.value.to_string().as_str())
+    }
+}
+
+impl From<ExitStatus> for End {
+    fn from(status: ExitStatus) -> Self {
+        status.code().map_or_else(|| Self::Signal(status.signal().unwrap_or_default()), Self::Code)
+    }
+}
+
+/// All logs below a folder, but those of earlier attempts.
+fn logs(folder: &Path) -> String {
+    let Ok(entries) = fs::read_dir(folder) else { return String::new() };
+    let text = |path: PathBuf| {
+        if path.ends_with("earlier") {
+            String::new()
+        } else if path.is_dir() {
+            logs(&path)
+        } else if path.extension().is_some_and(|extension| extension == "log") {
+            String::from_utf8_lossy(&fs::read(&path).unwrap_or_default()).into_owned()
+        } else {
+            String::new()
+        }
+    };
+    entries.flatten().map(|entry| text(entry.path())).collect()
+}
