@@ -1,6 +1,6 @@
 //! Connections without end, without words or with the wrong ones; and the bus.
 
-use crate::run::{COUNTED, WHOLE, finds, run, run_with_files, survives};
+use crate::run::{COUNTED, PATIENT, WHOLE, finds, run, run_with_files, survives};
 
 #[test]
 fn reconnect() {
@@ -60,7 +60,7 @@ fn extrafetches() {
 
 #[test]
 fn busmessages() {
-    survives("busmessages", &[WHOLE]);
+    survives("busmessages", &[WHOLE, PATIENT]);
 }
 
 #[test]

@@ -25,8 +25,10 @@ pub(crate) const COUNTED: &str = "cluster.local_memory.size=4 KiB";
 /// All of the database, and nothing counted.
 pub(crate) const WHOLE: &str = "cluster.local_memory.size=all";
 pub(crate) const VERIFIED: &str = "run.verify=0.05";
+/// For modes that keep a node busy for longer than a tile may take.
+pub(crate) const PATIENT: &str = "run.deadlines.tile_seconds=60";
 /// For a whole run, on a busy machine: three processes that let the deadline of a tile pass fit many times.
-const DEADLINE: Duration = Duration::from_secs(120);
+const DEADLINE: Duration = Duration::from_secs(90);
 /// From the manager's end to that of its children.
 const GRACE: Duration = Duration::from_secs(3);
 const REPORT_BYTES_MAX: u64 = 1 << 20;
@@ -210,13 +212,7 @@ impl Outcome {
         assert_eq!(self.status.code(), Some(1), "{mode}: {}", self.stderr);
         assert!(self.stderr.contains(why), "{mode}: {}", self.stderr);
         assert_eq!(self.report()["status"], "failed", "{mode}");
-        let files = self.report()["image"]["files"].as_array().expect("files are a list").clone();
-        assert!(
-            !files.is_empty()
-                && files
-                    .iter()
-                    .all(|file| file.as_str().is_some_and(|file| Path::new(file).is_absolute() || !file.is_empty())),
-            "{mode}: {files:?}"
-        );
+        let files = self.report()["image"]["files"].as_array().expect("files are a list");
+        assert!(!files.is_empty(), "{mode}: no image");
     }
 }

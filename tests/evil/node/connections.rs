@@ -11,7 +11,7 @@ use marti::protocol::image::TilePixels;
 use marti::protocol::memory::MemoryRequest;
 use marti::protocol::work::{WorkReply, WorkRequest};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 
 use super::ground::Ground;
 use super::mode::Mode;
@@ -19,6 +19,8 @@ use super::{Outcome, deed, messages};
 
 const CONNECTIONS: u32 = 2000;
 const KNOCKS: u32 = 1500;
+/// For a display that has no room.
+const DIAL_DEADLINE: Duration = Duration::from_millis(500);
 /// Between two bytes.
 const PAUSE: Duration = Duration::from_secs(1);
 
@@ -30,21 +32,18 @@ pub(crate) async fn reconnect(ground: &mut Ground) -> Outcome {
     Ok(())
 }
 
-/// As many as the system allows this process: more than it allows a display that keeps to its usual limit.
+/// As many as the display takes, but for the one that its work needs.
 pub(crate) async fn crowd(ground: &mut Ground) -> Outcome {
     let (_, hard) = getrlimit(Resource::RLIMIT_NOFILE)?;
     setrlimit(Resource::RLIMIT_NOFILE, hard, hard)?;
     let mut crowd = Vec::new();
-    for _ in 0..CONNECTIONS {
-        match ground.dial(Role::Display).await {
-            Ok(connection) => crowd.push(connection),
-            Err(error) => {
-                deed(error);
-                break;
-            }
-        }
+    while crowd.len() < CONNECTIONS as usize
+        && let Ok(Ok(connection)) = timeout(DIAL_DEADLINE, ground.dial(Role::Display)).await
+    {
+        crowd.push(connection);
     }
     deed(format_args!("holds {} connections", crowd.len()));
+    crowd.pop();
     // They stay as long as the process.
     std::mem::forget(crowd);
     Ok(())

@@ -81,7 +81,7 @@ pub(crate) enum Mode {
     // Connections.
     /// Dials the display 2000 times, and leaves.
     Reconnect,
-    /// Dials the display as often as it can, and stays.
+    /// Dials the display until it takes no more, and stays.
     Crowd,
     /// Dials manager and master in other roles than its own.
     Knock,

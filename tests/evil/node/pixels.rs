@@ -70,7 +70,10 @@ impl Node {
             _ => {}
         }
         let pixels = match ground.mode {
-            Mode::BadCrc => TilePixels { crc32c: !crc32c::crc32c(&planes), ..messages::pixels(tile, attempt, &planes) },
+            Mode::BadCrc => {
+                deed(format_args!("sends a wrong checksum of {tile}"));
+                TilePixels { crc32c: !crc32c::crc32c(&planes), ..messages::pixels(tile, attempt, &planes) }
+            }
             mode => {
                 if let Some(wrong) = wrong(mode, ground, &traced, &planes, self.count) {
                     deed(format_args!("sends other pixels of {tile}"));
