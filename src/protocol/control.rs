@@ -178,11 +178,11 @@ pub enum MasterReport {
     Lost(Vec<LostAttempt>),
     /// None of the cluster's nodes can take these grants.
     Returned(Vec<(TileId, Attempt)>),
-    /// The process reported a tile without the display's receipt.
+    /// The process did what no honest one does.
     Forged {
         node: NodeId,
         epoch: Epoch,
-        tile: TileId,
+        why: String,
     },
     /// The tile deadline passed: the node is to be killed.
     Late {

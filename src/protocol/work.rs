@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::mac::Mac;
 use crate::ids::{Attempt, TileId};
 use crate::machine::stats::{Counters, MemoryStats};
-use crate::tracer::TraceStats;
+use crate::tracer::{RayKind, TraceStats};
 
 /// How many tiles a node may hold at once: one to trace, one to begin with at once after it, and two on their way to
 /// the display and back, which takes a while when every processor is busy tracing.
@@ -42,9 +42,13 @@ const COUNT_MAX: u64 = 1 << 40;
 const NANOSECONDS_MAX: u64 = 365 * 24 * 3600 * 1_000_000_000;
 
 impl TileDone {
-    /// What no tracer can have counted; `None`: the counts may be right.
-    pub fn fault(&self) -> Option<String> {
+    /// What no tracer can have counted of a tile of so many pixels; `None`: the counts may be right.
+    pub fn fault(&self, pixels: u64) -> Option<String> {
         let Self { trace, memory, render_cpu_nanoseconds, .. } = self;
+        let primary = trace.rays[RayKind::Primary as usize];
+        if primary != pixels {
+            return Some(format!("{primary} primary rays, expected {pixels}, one per pixel"));
+        }
         let of_trace = trace.rays.iter().chain(&trace.octree_accesses).copied();
         let others = [trace.primitive_tests, trace.mailbox_skips, trace.non_finite_pixels];
         let counters = memory.iter().flat_map(|memory| memory.counters.as_flattened());
@@ -70,7 +74,7 @@ mod tests {
         TileDone {
             tile: TileId(0),
             attempt: Attempt(0),
-            trace: TraceStats { primitive_tests: COUNT_MAX, ..TraceStats::default() },
+            trace: TraceStats { rays: [9, 0, 0, 0], primitive_tests: COUNT_MAX, ..TraceStats::default() },
             memory: Some(MemoryStats::default()),
             render_cpu_nanoseconds: NANOSECONDS_MAX,
         }
@@ -78,14 +82,15 @@ mod tests {
 
     #[test]
     fn counts_that_cannot_be_are_found() {
-        assert_eq!(done().fault(), None);
+        assert_eq!(done().fault(9), None);
         type Change = fn(&mut TileDone);
         fn counters(done: &mut TileDone) -> &mut Counters {
             &mut done.memory.as_mut().expect("counted").counters[1][2]
         }
-        let changes: [(&str, Change); 7] = [
+        let changes: [(&str, Change); 8] = [
             ("a count of 1099511627777", |done| done.trace.primitive_tests += 1),
-            ("a count of 18446744073709551615", |done| done.trace.rays[0] = u64::MAX),
+            ("8 primary rays, expected 9", |done| done.trace.rays[0] = 8),
+            ("a count of 18446744073709551615", |done| done.trace.rays[1] = u64::MAX),
             ("a count of", |done| done.trace.octree_accesses[20] = COUNT_MAX + 1),
             ("a count of", |done| counters(done).line_accesses = u64::MAX),
             ("more misses than accesses", |done| counters(done).record_misses = 1),
@@ -95,7 +100,7 @@ mod tests {
         for (expected, change) in changes {
             let mut done = done();
             change(&mut done);
-            let fault = done.fault().expect(expected);
+            let fault = done.fault(9).expect(expected);
             assert!(fault.starts_with(expected), "{fault}");
         }
     }

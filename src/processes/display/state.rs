@@ -211,7 +211,8 @@ impl State {
                 Ok(Some(Action::Append(Record::Pixels { tile, attempt, producer, planes: bytes })))
             }
             // Sent again, as its acknowledgement was lost.
-            Some(kept) if kept == this => Ok(None),
+            Some(kept) if kept == this && self.frame.rows(rect).flatten().eq(bytes) => Ok(None),
+            Some(kept) if kept == this => Err(Refusal::Forged("it was sent twice, with different pixels".to_owned())),
             Some(kept) => {
                 self.tiles_stale += 1;
                 let kept = self.result(rect, kept);

@@ -178,6 +178,14 @@ fn a_process_sends_only_what_the_master_handed_to_it() {
 }
 
 #[test]
+fn an_attempt_has_one_result() {
+    let mut state = state();
+    send(&mut state, SOURCE, 0, 0, &planes(0, 0.5));
+    let why = forged(&send(&mut state, SOURCE, 0, 0, &planes(0, 0.25)));
+    assert_eq!(why, "tile 0, attempt 0: it was sent twice, with different pixels");
+}
+
+#[test]
 fn colours_that_are_not_finite_are_a_forgery() {
     let mut state = state();
     for (i, wrong) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {

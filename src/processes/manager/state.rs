@@ -23,6 +23,7 @@ use crate::protocol::control::{
 };
 use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
+use crate::tracer::Rect;
 
 /// A node or a cluster is set aside, and a run without a display fails, after so many failures without a tile done in
 /// between.
@@ -247,10 +248,7 @@ impl State {
                     self.queue.lose(tile, attempt);
                 }
             }
-            MasterReport::Forged { node, epoch, tile } => {
-                let why = format!("it reported {tile} without a receipt of the display");
-                self.condemn(self.producer(node, epoch), &why);
-            }
+            MasterReport::Forged { node, epoch, why } => self.condemn(self.producer(node, epoch), &why),
             MasterReport::Late { node, epoch, tile } => {
                 let why = format!("held {tile} for more than {}", seconds(self.plan.run.deadlines.tile));
                 self.doom(ProcessId { role: Role::Node(node), epoch }, why);
@@ -264,7 +262,8 @@ impl State {
 
     /// The display has a tile's pixels.
     fn done(&mut self, cluster: (ClusterId, Epoch), by: Producer, done: &TileDone) {
-        if let Some(fault) = done.fault() {
+        let pixels = self.plan.tiling.rect(done.tile).map_or(0, Rect::pixel_count);
+        if let Some(fault) = done.fault(pixels as u64) {
             self.condemn(by, &format!("it reported {} with {fault}", done.tile));
         }
         if self.verification.is_condemned(by) {

@@ -129,7 +129,7 @@ impl Stage {
         let done = TileDone {
             tile: TileId(tile),
             attempt: Attempt(attempt),
-            trace: TraceStats::default(),
+            trace: TraceStats { rays: [1, 0, 0, 0], ..TraceStats::default() },
             memory: None,
             render_cpu_nanoseconds: 5,
         };

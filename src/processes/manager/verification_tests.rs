@@ -67,7 +67,10 @@ fn a_corrupt_node_is_found_and_its_tiles_are_done_again() {
 #[test]
 fn a_process_that_forges_is_condemned_without_a_comparison() {
     let forgeries: [fn(&mut Stage) -> Vec<Action>; 3] = [
-        |stage| stage.master(MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), tile: TileId(1) }),
+        |stage| {
+            let why = "it reported tile 1, attempt 0 without a receipt of the display".to_owned();
+            stage.master(MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), why })
+        },
         |stage| {
             let why = "tile 3, attempt 0: the master did not hand it to this process".to_owned();
             stage.display(DisplayReport::Forged { node: NodeId(0), epoch: Epoch(0), why })

@@ -145,7 +145,7 @@ impl State {
         let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
         let Some(seat) = self.seat(process).filter(|seat| !seat.is_dead(process.epoch)) else { return };
         if seat.held.len() + waiting >= JOBS_PER_NODE {
-            return self.dismiss(process, &format!("asked for more than {JOBS_PER_NODE} tiles"));
+            return self.expose(process, format!("it asked for more than {JOBS_PER_NODE} tiles"));
         }
         self.waiting.push_back(process.node);
     }
@@ -154,9 +154,7 @@ impl State {
         let NodeProcess { node, epoch } = process;
         let (tile, attempt) = (done.tile, done.attempt);
         if !self.key.is_receipt(Claim { tile, attempt, node, epoch }, receipt) {
-            // What it holds is lost when it is dead.
-            self.actions.push(Action::Report(MasterReport::Forged { node, epoch, tile }));
-            self.dismiss(process, &format!("reported {tile}, {attempt} without a receipt of the display"));
+            self.expose(process, format!("it reported {tile}, {attempt} without a receipt of the display"));
         } else if self.seat(process).is_some_and(|seat| seat.give_back(tile, attempt)) {
             self.totals.attempts_accepted += 1;
             self.actions.push(Action::Bus(MemoryRequest::Job { node, tile, attempt, bytes: END_OF_JOB_BYTES }));
@@ -166,7 +164,7 @@ impl State {
             self.totals.attempts_lost -= 1;
             self.totals.attempts_stale += 1;
         } else {
-            self.dismiss(process, &format!("told the end of {tile}, {attempt}, which it does not hold"));
+            self.expose(process, format!("it reported {tile}, {attempt}, which it does not hold"));
         }
     }
 
@@ -282,11 +280,22 @@ impl State {
         self.waiting.retain(|&waiting| waiting != node);
     }
 
+    /// The process did what no honest one does. What it holds is lost when it is dead.
+    fn expose(&mut self, process: NodeProcess, why: String) {
+        let NodeProcess { node, epoch } = process;
+        self.actions.push(Action::Report(MasterReport::Forged { node, epoch, why }));
+        self.hang_up(process);
+    }
+
     fn dismiss(&mut self, process: NodeProcess, why: &str) {
+        self.incident(format!("{process} {why}"));
+        self.hang_up(process);
+    }
+
+    fn hang_up(&mut self, process: NodeProcess) {
         if self.seat(process).is_some() {
             self.stop_waiting(process.node);
         }
-        self.incident(format!("{process} {why}"));
         self.actions.push(Action::Dismiss(process));
     }
 

@@ -219,7 +219,7 @@ fn a_node_that_asks_for_too_much_is_dismissed() {
     let actions = ready(&mut state, 0);
     assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
     assert!(
-        matches!(&reports(actions)[..], [MasterReport::Incident(why)] if why.contains(&format!("more than {JOBS_PER_NODE}")))
+        matches!(&reports(actions)[..], [MasterReport::Forged { why, .. }] if why.contains(&format!("more than {JOBS_PER_NODE}")))
     );
 }
 
@@ -259,7 +259,8 @@ fn a_completion_without_the_displays_receipt_is_a_forgery() {
         };
         let actions = request(&mut state, 0, WorkRequest::Done { done: Box::new(done), receipt });
         assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
-        let forged = MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), tile: TileId(0) };
+        let why = "it reported tile 0, attempt 0 without a receipt of the display".to_owned();
+        let forged = MasterReport::Forged { node: NodeId(0), epoch: Epoch(0), why };
         let reports = reports(actions);
         assert!(reports.contains(&forged) && !reports.iter().any(|r| matches!(r, MasterReport::Done { .. })));
     }

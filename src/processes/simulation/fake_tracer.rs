@@ -40,7 +40,7 @@ pub(super) fn misses(tile: TileId, attempt: Attempt) -> (u64, u64) {
 pub(super) fn done(tile: TileId, attempt: Attempt, size: MemorySize) -> TileDone {
     let (record_misses, line_misses) = misses(tile, attempt);
     let accesses = 40 + hash(u64::from(tile.0), 8) % 1000;
-    let trace = TraceStats { primitive_tests: accesses, ..TraceStats::default() };
+    let trace = TraceStats { rays: [1, 0, 0, 0], primitive_tests: accesses, ..TraceStats::default() };
     let memory = (size != MemorySize::All).then(|| {
         let mut stats = MemoryStats::default();
         let line_accesses = 2 * accesses;

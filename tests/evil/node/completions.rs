@@ -4,6 +4,7 @@ use std::process;
 
 use marti::ids::{Attempt, TileId};
 use marti::processes::node::state::Job;
+use marti::protocol::mac::Mac;
 use marti::protocol::work::TileDone;
 use tokio::time::Instant;
 
@@ -29,24 +30,29 @@ impl Node {
     }
 
     /// The display has a tile.
-    pub(crate) async fn acknowledged(&mut self, mode: Mode, tile: TileId, attempt: Attempt) -> Outcome {
+    pub(crate) async fn acknowledged(
+        &mut self,
+        mode: Mode,
+        (tile, attempt): (TileId, Attempt),
+        receipt: Mac,
+    ) -> Outcome {
         let is_it = |done: &TileDone| (done.tile, done.attempt) == (tile, attempt);
         // Some modes send more than they await an answer to.
         let Some(place) = self.traced.iter().position(|traced| is_it(&traced.done)) else { return Ok(()) };
         let mut done = self.traced.remove(place).done;
         forge(mode, &mut done);
-        self.tell_done(&done).await?;
+        self.tell_done(&done, receipt).await?;
         match mode {
             Mode::OtherTile => {
                 for withheld in std::mem::take(&mut self.withheld) {
                     deed(format_args!("tells {} done by {tile}", withheld.done.tile));
-                    self.tell_done(&withheld.done).await?;
+                    self.tell_done(&withheld.done, receipt).await?;
                     self.ask().await?;
                 }
             }
             Mode::DoneTwice => {
                 deed(format_args!("tells {tile} done twice"));
-                self.tell_done(&done).await?;
+                self.tell_done(&done, receipt).await?;
             }
             Mode::Mortal => {
                 deed(format_args!("dies after {tile}"));

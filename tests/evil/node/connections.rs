@@ -8,6 +8,7 @@ use marti::ids::{Attempt, Epoch, NodeId, TileId};
 use marti::protocol::control::NodeCommand;
 use marti::protocol::hello::{HelloReply, Role};
 use marti::protocol::image::TilePixels;
+use marti::protocol::mac::Mac;
 use marti::protocol::memory::MemoryRequest;
 use marti::protocol::work::{WorkReply, WorkRequest};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
@@ -67,9 +68,9 @@ pub(crate) async fn slow(ground: &mut Ground) -> Outcome {
     let (role, frame) = match ground.mode {
         Mode::SlowDisplay => {
             let planes = messages::grey(ground.configuration.tiling, tile, ground.configuration.aov);
-            (Role::Display, codec::encode(&messages::pixels(tile, attempt, &planes), &planes)?)
+            (Role::Display, codec::encode(&messages::pixels(tile, attempt, Mac::default(), &planes), &planes)?)
         }
-        Mode::SlowMaster => (ground.master(), codec::encode(&WorkRequest::Done(messages::done(tile, attempt)), &[])?),
+        Mode::SlowMaster => (ground.master(), codec::encode(&messages::told(tile, attempt), &[])?),
         _ => (ground.bus(), codec::encode(&MemoryRequest::Pixels { tile, attempt, bytes: 3 }, &[])?),
     };
     let mut socket = ground.raw(role).await?;
@@ -97,9 +98,11 @@ pub(crate) async fn giant(ground: &mut Ground) -> Outcome {
 pub(crate) async fn foreign(ground: &mut Ground) -> Outcome {
     deed("says to each what is for another");
     let (mut display, _answers) = ground.talk::<WorkRequest, WorkReply>(Role::Display).await?;
-    let _ = display.send(&WorkRequest::Done(messages::done(TileId(0), Attempt(0)))).await;
+    let _ = display.send(&messages::told(TileId(0), Attempt(0))).await;
     let (mut master, _answers) = ground.talk::<TilePixels, WorkReply>(ground.master()).await?;
-    let _ = master.send_with_bulk(&messages::pixels(TileId(0), Attempt(0), &[1; 999]), [1; 999].as_slice()).await;
+    let _ = master
+        .send_with_bulk(&messages::pixels(TileId(0), Attempt(0), Mac::default(), &[1; 999]), [1; 999].as_slice())
+        .await;
     let (mut bus, _answers) = ground.talk::<HelloReply, WorkReply>(ground.bus()).await?;
     let _ = bus.send(&HelloReply::Refused("go away".repeat(99))).await;
     Ok(())

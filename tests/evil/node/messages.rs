@@ -3,16 +3,22 @@
 use marti::ids::{Attempt, TileId};
 use marti::machine::stats::MemoryStats;
 use marti::protocol::image::TilePixels;
-use marti::protocol::work::TileDone;
+use marti::protocol::mac::Mac;
+use marti::protocol::work::{TileDone, WorkRequest};
 use marti::tracer::{AovSet, Pixels, Tiling, TraceStats};
 
-/// Of pixels that nobody has asked for.
-pub(crate) fn pixels(tile: TileId, attempt: Attempt, planes: &[u8]) -> TilePixels {
-    TilePixels { tile, attempt, crc32c: crc32c::crc32c(planes) }
+/// Whatever the planes are.
+pub(crate) fn pixels(tile: TileId, attempt: Attempt, permit: Mac, planes: &[u8]) -> TilePixels {
+    TilePixels { tile, attempt, permit, crc32c: crc32c::crc32c(planes) }
+}
+
+/// Without a receipt of the display.
+pub(crate) fn told(tile: TileId, attempt: Attempt) -> WorkRequest {
+    WorkRequest::Done { done: done(tile, attempt), receipt: Mac::default() }
 }
 
 /// Of a tile that was never traced.
-pub(crate) fn done(tile: TileId, attempt: Attempt) -> Box<TileDone> {
+fn done(tile: TileId, attempt: Attempt) -> Box<TileDone> {
     let memory = Some(MemoryStats::default());
     Box::new(TileDone { tile, attempt, trace: TraceStats::default(), memory, render_cpu_nanoseconds: 1 })
 }

@@ -9,6 +9,7 @@ use marti::protocol::connection::{Receiver, Sender};
 use marti::protocol::control::{NodeCommand, NodeReport};
 use marti::protocol::hello::Role;
 use marti::protocol::image::{ImageReply, TilePixels};
+use marti::protocol::mac::Mac;
 use marti::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
 
 use tokio::time::Instant;
@@ -38,7 +39,7 @@ pub(crate) enum Event {
     TracerReady,
     Job(Job),
     Traced(Traced),
-    Acknowledged(TileId, Attempt),
+    Acknowledged(TileId, Attempt, Mac),
     NewDisplay,
     Finish,
 }
@@ -83,7 +84,9 @@ impl Node {
                 }
                 Event::Job(job) => self.take(ground.mode, job)?,
                 Event::Traced(traced) => self.hand_over(ground, traced).await?,
-                Event::Acknowledged(tile, attempt) => self.acknowledged(ground.mode, tile, attempt).await?,
+                Event::Acknowledged(tile, attempt, receipt) => {
+                    self.acknowledged(ground.mode, (tile, attempt), receipt).await?;
+                }
             }
         }
     }
@@ -112,14 +115,16 @@ impl Node {
                     None => return Err("the tracer's thread ended".into()),
                 },
                 reply = self.from_master.receive() => match reply? {
-                    Some(WorkReply::Job { tile, attempt }) => {
+                    Some(WorkReply::Job { tile, attempt, permit }) => {
                         let rect = ground.configuration.tiling.rect(tile).ok_or("there is no such tile")?;
-                        return Ok(Event::Job(Job { tile, attempt, rect }));
+                        return Ok(Event::Job(Job { tile, attempt, rect, permit }));
                     }
                     None => return Err("the master closed the connection".into()),
                 },
                 reply = self.from_display.receive() => match reply? {
-                    Some(ImageReply::Acknowledged { tile, attempt }) => return Ok(Event::Acknowledged(tile, attempt)),
+                    Some(ImageReply::Acknowledged { tile, attempt, receipt }) => {
+                        return Ok(Event::Acknowledged(tile, attempt, receipt));
+                    }
                     Some(ImageReply::Refused(why)) => return Err(format!("the display refused a tile: {why}").into()),
                     None => return Err("the display closed the connection".into()),
                 },
@@ -132,20 +137,20 @@ impl Node {
     }
 
     /// Of whatever tile.
-    pub(crate) async fn tell_done(&mut self, done: &TileDone) -> Outcome {
-        Ok(self.to_master.send(&WorkRequest::Done(Box::new(done.clone()))).await?)
+    pub(crate) async fn tell_done(&mut self, done: &TileDone, receipt: Mac) -> Outcome {
+        Ok(self.to_master.send(&WorkRequest::Done { done: Box::new(done.clone()), receipt }).await?)
     }
 
     pub(crate) async fn send_tile(&mut self, traced: &Traced) -> Outcome {
         let mut planes = Vec::new();
         traced.pixels.write_bytes(&mut planes);
-        self.send_planes(traced.done.tile, traced.done.attempt, &planes).await
+        self.send_planes(traced.done.tile, traced.done.attempt, traced.permit, &planes).await
     }
 
     /// Whatever the planes are, in the name of an attempt.
-    pub(crate) async fn send_planes(&mut self, tile: TileId, attempt: Attempt, planes: &[u8]) -> Outcome {
+    pub(crate) async fn send_planes(&mut self, tile: TileId, attempt: Attempt, permit: Mac, planes: &[u8]) -> Outcome {
         let crc32c = crc32c::crc32c(planes);
-        self.send_with_crc(TilePixels { tile, attempt, crc32c }, planes).await
+        self.send_with_crc(TilePixels { tile, attempt, permit, crc32c }, planes).await
     }
 
     pub(crate) async fn send_with_crc(&mut self, pixels: TilePixels, planes: &[u8]) -> Outcome {

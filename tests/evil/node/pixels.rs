@@ -5,6 +5,7 @@ use std::time::Duration;
 use marti::ids::{Attempt, TileId};
 use marti::processes::node::state::Traced;
 use marti::protocol::image::TilePixels;
+use marti::protocol::mac::Mac;
 use marti::tracer::Pixels;
 use tokio::time::{Instant, sleep_until};
 
@@ -25,20 +26,20 @@ impl Node {
     /// A tile is traced.
     pub(crate) async fn hand_over(&mut self, ground: &mut Ground, traced: Traced) -> Outcome {
         self.count += 1;
-        let (tile, attempt) = (traced.done.tile, traced.done.attempt);
+        let (tile, attempt, permit) = (traced.done.tile, traced.done.attempt, traced.permit);
         let grey = messages::grey(ground.configuration.tiling, tile, ground.configuration.aov);
         let mut planes = Vec::new();
         traced.pixels.write_bytes(&mut planes);
         match ground.mode {
             Mode::NoPixels => {
                 deed(format_args!("tells {tile} done without pixels"));
-                self.tell_done(&traced.done).await?;
+                self.tell_done(&traced.done, Mac::default()).await?;
                 return self.ask().await;
             }
             Mode::EarlyDone => {
                 deed(format_args!("tells {tile} done early"));
                 self.send_tile(&traced).await?;
-                self.tell_done(&traced.done).await?;
+                self.tell_done(&traced.done, Mac::default()).await?;
                 return self.ask().await;
             }
             Mode::OtherTile if self.count.is_multiple_of(2) => {
@@ -47,21 +48,21 @@ impl Node {
             }
             Mode::MaxAttempt if self.count == 1 => {
                 deed(format_args!("sends {tile} as another attempt"));
-                self.send_planes(tile, Attempt(u32::MAX - 1), &grey).await?;
+                self.send_planes(tile, Attempt(u32::MAX - 1), permit, &grey).await?;
             }
             Mode::NextAttempt => {
                 deed(format_args!("sends {tile} as another attempt"));
-                self.send_planes(tile, Attempt(attempt.0 + 1), &grey).await?;
+                self.send_planes(tile, Attempt(attempt.0 + 1), permit, &grey).await?;
             }
-            Mode::NoRead => return self.flood_unread(ground, tile, attempt, &planes).await,
-            Mode::Duplicates if self.count == 1 => self.send_again_and_again(tile, attempt, &planes).await?,
+            Mode::NoRead => return self.flood_unread(ground, &traced, &planes).await,
+            Mode::Duplicates if self.count == 1 => self.send_again_and_again(&traced, &planes).await?,
             Mode::NoSuchTile if self.count == 1 => {
                 deed("sends a tile that there is not");
-                self.send_planes(TileId(u32::MAX), attempt, &planes).await?;
+                self.send_planes(TileId(u32::MAX), attempt, permit, &planes).await?;
             }
             Mode::Changed => {
                 deed(format_args!("sends {tile} in grey first"));
-                self.send_planes(tile, attempt, &grey).await?;
+                self.send_planes(tile, attempt, permit, &grey).await?;
             }
             Mode::Sluggard => {
                 deed(format_args!("keeps {tile}"));
@@ -72,24 +73,25 @@ impl Node {
         let pixels = match ground.mode {
             Mode::BadCrc => {
                 deed(format_args!("sends a wrong checksum of {tile}"));
-                TilePixels { crc32c: !crc32c::crc32c(&planes), ..messages::pixels(tile, attempt, &planes) }
+                TilePixels { crc32c: !crc32c::crc32c(&planes), ..messages::pixels(tile, attempt, permit, &planes) }
             }
             mode => {
                 if let Some(wrong) = wrong(mode, ground, &traced, &planes, self.count) {
                     deed(format_args!("sends other pixels of {tile}"));
                     planes = wrong;
                 }
-                messages::pixels(tile, attempt, &planes)
+                messages::pixels(tile, attempt, permit, &planes)
             }
         };
         self.traced.push(traced);
         self.send_with_crc(pixels, &planes).await
     }
 
-    async fn send_again_and_again(&mut self, tile: TileId, attempt: Attempt, planes: &[u8]) -> Outcome {
+    async fn send_again_and_again(&mut self, traced: &Traced, planes: &[u8]) -> Outcome {
+        let (tile, attempt) = (traced.done.tile, traced.done.attempt);
         for _ in 0..DUPLICATES / BATCH {
             for _ in 0..BATCH {
-                self.send_planes(tile, attempt, planes).await?;
+                self.send_planes(tile, attempt, traced.permit, planes).await?;
             }
             for _ in 0..BATCH {
                 self.await_reply().await?;
@@ -100,10 +102,11 @@ impl Node {
     }
 
     /// Whether the display has dropped the connection or does not get on, it stays and does not read.
-    async fn flood_unread(&mut self, ground: &mut Ground, tile: TileId, attempt: Attempt, planes: &[u8]) -> Outcome {
+    async fn flood_unread(&mut self, ground: &mut Ground, traced: &Traced, planes: &[u8]) -> Outcome {
+        let (tile, attempt) = (traced.done.tile, traced.done.attempt);
         deed("reads nothing");
         for sent in 0..UNREAD {
-            if let Err(error) = self.send_planes(tile, attempt, planes).await {
+            if let Err(error) = self.send_planes(tile, attempt, traced.permit, planes).await {
                 deed(format_args!("sent {tile} {sent} times: {error}"));
                 break;
             }

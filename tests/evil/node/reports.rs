@@ -68,7 +68,7 @@ pub(crate) async fn foreign(child: &Child) -> Outcome {
     let manager = connect(Role::Manager, child.bootstrap.manager, &child.introduction(), CONNECT_DEADLINE).await?;
     let (mut manager, _commands) = manager.split::<WorkRequest, NodeCommand>();
     deed("says to the manager what is for the master");
-    manager.send(&WorkRequest::Done(messages::done(TileId(0), Attempt(0)))).await?;
+    manager.send(&messages::told(TileId(0), Attempt(0))).await?;
     sleep(LIFETIME).await;
     Ok(())
 }

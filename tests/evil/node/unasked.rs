@@ -5,6 +5,7 @@ use marti::ids::{Attempt, TileId};
 use marti::protocol::connection::{Connection, Receiver};
 use marti::protocol::hello::Role;
 use marti::protocol::image::{ImageReply, TilePixels};
+use marti::protocol::mac::Mac;
 use marti::protocol::work::{WorkReply, WorkRequest};
 
 use super::ground::Ground;
@@ -28,7 +29,11 @@ pub(crate) async fn all_grey(ground: &Ground, display: Connection) -> Outcome {
     for tile in (0..tiling.tile_count()).map(TileId) {
         let planes = messages::grey(tiling, tile, ground.configuration.aov);
         // An error means that the display has seen through it.
-        if display.send_with_bulk(&messages::pixels(tile, Attempt(0), &planes), planes.as_slice()).await.is_err() {
+        if display
+            .send_with_bulk(&messages::pixels(tile, Attempt(0), Mac::default(), &planes), planes.as_slice())
+            .await
+            .is_err()
+        {
             break;
         }
     }
@@ -44,7 +49,7 @@ pub(crate) async fn disputes(ground: &mut Ground) -> Outcome {
         for tile in (0..tiling.tile_count()).map(TileId) {
             let mut planes = messages::grey(tiling, tile, ground.configuration.aov);
             planes[..4].copy_from_slice(&(round as f32).to_le_bytes());
-            let pixels = messages::pixels(tile, Attempt(round + 1), &planes);
+            let pixels = messages::pixels(tile, Attempt(round + 1), Mac::default(), &planes);
             if display.send_with_bulk(&pixels, planes.as_slice()).await.is_err() {
                 return Ok(());
             }
@@ -58,7 +63,7 @@ pub(crate) async fn not_held(ground: &mut Ground) -> Outcome {
     tokio::spawn(read_all(replies));
     deed("tells all tiles done");
     for tile in (0..ground.configuration.tiling.tile_count()).map(TileId) {
-        if master.send(&WorkRequest::Done(messages::done(tile, Attempt(0)))).await.is_err() {
+        if master.send(&messages::told(tile, Attempt(0))).await.is_err() {
             break;
         }
     }
