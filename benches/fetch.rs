@@ -21,6 +21,7 @@ use marti::protocol::connection::{BlockingConnection, Credentials, Introduction,
 use marti::protocol::control::BusConfiguration;
 use marti::protocol::hello::{Role, RunToken};
 use marti::protocol::memory::{MemoryReply, MemoryRequest};
+use marti::pulse::Pulse;
 use marti::recording::{Metadata, Writer};
 use marti::topology::Arbiter;
 use nix::sched::{CpuSet, sched_setaffinity};
@@ -158,7 +159,7 @@ fn start_bus(configuration: BusConfiguration, tls: &Option<Tls>) -> Result<Socke
     let recording = Writer::create(recording, &metadata)?;
     let (incidents, mut told) = tokio::sync::mpsc::channel(1);
     let (memory_loop, handle) = MemoryLoop::new(State::new(&configuration, Epoch(0)), recording, incidents, DEADLINE)?;
-    thread::spawn(|| memory_loop.run());
+    thread::spawn(|| memory_loop.run(&Pulse::default().beacon("bus")));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let credentials = Credentials { token: TOKEN, tls: tls.clone(), joiners: false };
     let bound = Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials, |_, _| Ok(()));

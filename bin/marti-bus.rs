@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::JoinArguments;
+use marti::cli::Failure;
+use marti::cli::program::{self, JoinArguments};
 use marti::ids::ClusterId;
 use marti::processes::bus;
 use marti::protocol::hello::Role;
@@ -28,13 +29,10 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let Arguments { recording, bind, out, join } = Arguments::parse();
-    let Some(recording) = recording else { return join.play("marti-bus", Role::Bus(ClusterId(0)), bus::run) };
-    match bus::serve_alone(&bus::Alone { recording, bind, out }) {
-        Ok(_) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    program::enter(|| {
+        let Arguments { recording, bind, out, join } = Arguments::parse();
+        let Some(recording) = recording else { return Ok(join.play("marti-bus", Role::Bus(ClusterId(0)), bus::run)) };
+        let served = bus::serve_alone(&bus::Alone { recording, bind, out });
+        served.map(|_| ExitCode::SUCCESS).map_err(|error| Failure::failed(error.to_string()))
+    })
 }

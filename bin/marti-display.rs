@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::JoinArguments;
+use marti::cli::program::{self, JoinArguments};
 use marti::processes::display;
 use marti::protocol::hello::Role;
 
@@ -16,5 +16,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    Arguments::parse().join.play("marti-display", Role::Display, display::run)
+    program::enter(|| Ok(Arguments::parse().join.play("marti-display", Role::Display, display::run)))
 }

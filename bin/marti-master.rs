@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::JoinArguments;
+use marti::cli::program::{self, JoinArguments};
 use marti::ids::ClusterId;
 use marti::processes::master;
 use marti::protocol::hello::Role;
@@ -17,5 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)
+    program::enter(|| Ok(Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)))
 }

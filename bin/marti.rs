@@ -3,11 +3,8 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::Arguments;
+use marti::cli::{Arguments, program};
 
 fn main() -> ExitCode {
-    match Arguments::parse().carry_out() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => failure.report(),
-    }
+    program::enter(|| Arguments::parse().carry_out().map(|()| ExitCode::SUCCESS))
 }

@@ -1,11 +1,13 @@
 //! How far a long work is, on standard error: a bar on a terminal, a line every other second elsewhere.
 
-use std::io::{IsTerminal, Write, stderr};
+use std::io::{IsTerminal, stderr};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::outlet::{self, STANDARD_ERROR};
 
 /// Between two lines where standard error is no terminal.
 const LINE_PERIOD: Duration = Duration::from_secs(2);
@@ -43,7 +45,7 @@ impl Progress {
     /// Called often; shows something when it is time.
     pub fn show(&mut self, status: &Status) {
         match self {
-            Self::Bar(bar) => {
+            Self::Bar(bar) if STANDARD_ERROR.is_ready() => {
                 bar.set_position(u64::from(status.tiles_done));
                 bar.set_message(status.speed());
             }
@@ -51,7 +53,8 @@ impl Progress {
                 *next += LINE_PERIOD;
                 status.print_line();
             }
-            Self::Quiet | Self::Lines { .. } => {}
+            // A terminal that was stopped must not stop the run.
+            Self::Quiet | Self::Bar(_) | Self::Lines { .. } => {}
         }
     }
 
@@ -92,8 +95,7 @@ impl Steps {
                 bar.inc(1);
                 bar.set_message(what.to_owned());
             }
-            // Nobody is left to be told that standard error is closed.
-            None if !self.quiet => drop(writeln!(stderr(), "{what}")),
+            None if !self.quiet => outlet::say(what),
             None => {}
         }
     }
@@ -139,8 +141,7 @@ impl Parts {
             let seconds = self.start.elapsed().as_secs_f64();
             let left = seconds * all.saturating_sub(done) as f64 / done as f64;
             *next = self.start.elapsed() + LINE_PERIOD;
-            // Nobody is left to be told that standard error is closed.
-            let _ = writeln!(stderr(), "{done}/{all} {}, {left:.0} s left", self.what);
+            outlet::say(format_args!("{done}/{all} {}, {left:.0} s left", self.what));
         }
     }
 
@@ -154,8 +155,7 @@ impl Parts {
 
 impl Status {
     fn print_line(&self) {
-        // Nobody is left to be told that standard error is closed.
-        let _ = writeln!(stderr(), "{}/{} tiles, {}", self.tiles_done, self.tiles, self.speed());
+        outlet::say(format_args!("{}/{} tiles, {}", self.tiles_done, self.tiles, self.speed()));
     }
 
     /// Rays a second so far, and the time that the missing tiles will take at the speed of those done.

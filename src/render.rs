@@ -2,8 +2,10 @@
 //! way to render, and the fastest on one machine.
 
 use std::convert::Infallible;
+use std::io;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use nix::time::{ClockId, clock_gettime};
@@ -53,16 +55,25 @@ pub struct Rendering {
     pub cpu: Duration,
 }
 
+/// Why an image is not rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    #[error(transparent)]
+    Frame(#[from] FrameBufferError),
+    #[error("cannot start {threads} threads: {error}")]
+    Thread { threads: usize, error: io::Error },
+}
+
 /// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
 ///
 /// # Errors
-/// There is no memory for the image.
+/// There is no memory for the image, or the system has no thread left.
 pub fn render(
     database: &Verified,
     view: &View,
     settings: Settings<'_>,
     on_tile: impl Fn(&Status) + Sync,
-) -> Result<Rendering, FrameBufferError> {
+) -> Result<Rendering, RenderError> {
     let image = &view.image;
     let tiling = tiling(image);
     let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
@@ -93,15 +104,28 @@ pub fn render(
         put(lock(&frame), &mut finished);
         (stats, thread_cpu().saturating_sub(cpu_at_start))
     };
-    let (mut stats, mut cpu) = (TraceStats::default(), Duration::ZERO);
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..settings.threads).map(|_| scope.spawn(worker)).collect();
-        for worker in workers {
+    let (mut stats, mut cpu, mut missing) = (TraceStats::default(), Duration::ZERO, None);
+    thread::scope(|scope| {
+        let start = |_| thread::Builder::new().spawn_scoped(scope, worker);
+        let started: Vec<_> = (0..settings.threads).map(start).collect();
+        for worker in started {
+            let worker = match worker {
+                Ok(worker) => worker,
+                Err(error) => {
+                    // Those that were started find nothing more to do.
+                    next.store(tiling.tile_count(), Ordering::Relaxed);
+                    missing = Some(error);
+                    continue;
+                }
+            };
             let (counts, time) = worker.join().expect("a tracing thread does not panic");
             stats.add(&counts);
             cpu += time;
         }
     });
+    if let Some(error) = missing {
+        return Err(RenderError::Thread { threads: settings.threads, error });
+    }
     let wall = start.elapsed();
     Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
 }

@@ -1,9 +1,9 @@
 //! What a command ends with when it does not end well.
 
 use std::fmt;
-use std::io::{self, Write};
 use std::process::ExitCode;
 
+use crate::outlet;
 use crate::preparation::PreparationError;
 use crate::scene::SourceError;
 
@@ -43,8 +43,7 @@ impl Failure {
 
     /// Prints `error: MESSAGE` to standard error; gives what to exit with.
     pub fn report(&self) -> ExitCode {
-        // Nobody is left to be told that standard error is closed.
-        let _ = writeln!(io::stderr(), "error: {self}");
+        outlet::say(format_args!("error: {self}"));
         ExitCode::from(self.exit as u8)
     }
 }

@@ -1,4 +1,4 @@
-//! What the programs have in common that `marti run` starts, or that join it.
+//! What the programs have in common: how each begins, and how those go on that `marti run` starts, or that join it.
 
 use std::fmt::Display;
 use std::net::{IpAddr, SocketAddr};
@@ -7,11 +7,30 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
+use nix::sys::signal::{SigHandler, Signal, signal};
 
+use super::Failure;
+use crate::floating_point;
 use crate::processes::join::{self, Joining};
 use crate::processes::{Child, Origin};
 use crate::protocol::hello::Role;
 use crate::topology::value::Seconds;
+
+/// What each program does first and last. A file-size limit becomes an error of the write that exceeds it (EFBIG) instead of
+/// the process's death, and a floating-point environment that could change the image is refused with exit code 1.
+pub fn enter(play: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
+    // SAFETY: an ignored signal runs no handler.
+    let ignored = unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) };
+    let ready = ignored.map_err(|error| Failure::failed(format!("cannot ignore SIGXFSZ: {error}"))).and_then(|_| {
+        floating_point::check().map_err(|unusual| {
+            Failure::failed(format!(
+                "the floating-point environment is not the default one: {unusual}; expected that of a process to which \
+                 no library (LD_PRELOAD?) has done anything"
+            ))
+        })
+    });
+    ready.and_then(|()| play()).unwrap_or_else(|failure| failure.report())
+}
 
 /// Options of a process that joins; `marti run` gives none.
 #[derive(Clone, Debug, Args)]
@@ -66,10 +85,7 @@ impl JoinArguments {
         role: Role,
         run: impl FnOnce(&Child) -> Result<(), E>,
     ) -> ExitCode {
-        let failed = |error: &dyn Display| {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        };
+        let failed = |error: &dyn Display| Failure::failed(error.to_string()).report();
         let child = match Child::start(program, role, &self.origin()) {
             Ok(child) => child,
             Err(error) => return failed(&error),

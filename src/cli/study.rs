@@ -11,6 +11,7 @@ use super::grid_options::{GridOptions, SETTINGS};
 use super::table::{Format, Table};
 use super::{Failure, json, print};
 use crate::atomic_file;
+use crate::outlet;
 use crate::progress::Steps;
 use crate::study::page::Page;
 use crate::study::paper::{self, Paper};
@@ -120,8 +121,7 @@ impl StudyOutput {
         let path = folder.join("study.html");
         atomic_file::write(&path, |file| file.write_all(html.as_bytes())).map_err(failed)?;
         if !self.quiet {
-            // Nobody is left to be told that standard error is closed.
-            let _ = writeln!(io::stderr(), "charts: {}", path.display());
+            outlet::say(format_args!("charts: {}", path.display()));
         }
         Ok(())
     }

@@ -1,16 +1,16 @@
 //! `marti verify --watertight`
 
 use std::fmt;
-use std::io::Write as _;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread::available_parallelism;
+use std::thread::{self, available_parallelism};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
 use super::{Failure, json, print};
 use crate::oracle::{ClosedMesh, Kernel, KernelTracer, Subject};
+use crate::outlet;
 use crate::render::thread_cpu;
 use crate::topology::Octree;
 use crate::tracer::octree::{BuildParameters, build_database};
@@ -117,11 +117,13 @@ fn shoot(rays: u64, seed: u64, octree: Octree) -> Result<Report, Failure> {
             progress.lock().expect("no thread panics while it holds the progress").add(count, rays);
         }
     };
-    std::thread::scope(|scope| {
-        (0..threads).for_each(|_| {
-            scope.spawn(worker);
-        });
-    });
+    thread::scope(|scope| {
+        (0..threads).try_for_each(|_| thread::Builder::new().spawn_scoped(scope, worker).map(drop)).inspect_err(|_| {
+            // Those that were started find nothing more to do.
+            next.store(u64::MAX / 2, Ordering::Relaxed);
+        })
+    })
+    .map_err(|error| Failure::failed(format!("cannot start {threads} threads: {error}")))?;
     Ok(report.into_inner().expect("no thread panicked"))
 }
 
@@ -161,13 +163,8 @@ impl Progress {
         self.next_line += LINE_PERIOD;
         let left = elapsed.as_secs_f64() * (of - self.done) as f64 / self.done as f64;
         let million = |rays: u64| rays as f64 * 1e-6;
-        // Nobody is left to be told that standard error is closed.
-        let _ = writeln!(
-            std::io::stderr(),
-            "{:.1} of {:.1} million rays, {left:.0} s left",
-            million(self.done),
-            million(of)
-        );
+        let (done, of) = (million(self.done), million(of));
+        outlet::say(format_args!("{done:.1} of {of:.1} million rays, {left:.0} s left"));
     }
 }
 

@@ -1,6 +1,7 @@
 //! How a process comes to life that `marti` is not: what the manager hands down, the log, the control connection.
 
 use std::fmt::Display;
+use std::future::Future;
 use std::io::{self, IsTerminal, Read};
 use std::mem::discriminant;
 use std::net::{IpAddr, SocketAddr};
@@ -10,22 +11,31 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use tokio::runtime::Builder;
 use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval};
 
-use crate::codec::{self, CodecError, Message, PREFIX_BYTES};
+use crate::codec::{self, CodecError, PREFIX_BYTES};
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
+<<<<<<< HEAD
 use crate::protocol::control::{Bootstrap, Command};
 use crate::protocol::hello::{Hello, Role};
+=======
+use crate::protocol::control::{Bootstrap, Command, Report};
+use crate::protocol::hello::Role;
+use crate::pulse::{Beacon, Pulse};
+>>>>>>> host
 use crate::telemetry::{self, TelemetryError};
 
+use super::event_queue::event_queue;
 use super::health::{self, Health, HealthError, Metric};
 use super::join::{self, JoinError, Origin};
 use super::{ControlLink, listening};
 
 /// The manager writes the bootstrap at once after spawning.
 const BOOTSTRAP_DEADLINE: Duration = Duration::from_secs(5);
+/// How often a process's main thread shows that its event queue turns.
+const TURN_PERIOD: Duration = Duration::from_millis(500);
 
 /// A process that the manager spawned, or that joined it.
 #[derive(Clone, Debug)]
@@ -33,6 +43,8 @@ pub struct Child {
     pub bootstrap: Bootstrap,
     /// Joined: it begins anew when its run has failed.
     pub joined: bool,
+    /// Of the threads that must not get stuck.
+    pub pulse: Pulse,
     tls: Option<Tls>,
     /// Who is told how it does, if anybody asks.
     health: Option<watch::Sender<Health>>,
@@ -57,7 +69,9 @@ pub enum StartError {
     #[error(transparent)]
     Health(#[from] HealthError),
     #[error("cannot start a thread: {0}")]
-    Thread(std::io::Error),
+    Thread(io::Error),
+    #[error("{0}")]
+    System(io::Error),
 }
 
 impl Child {
@@ -91,7 +105,8 @@ impl Child {
     /// Its keys cannot be used.
     pub(super) fn new(bootstrap: Bootstrap, joined: bool) -> Result<Self, StartError> {
         let tls = bootstrap.identity.as_ref().map(Tls::new).transpose()?;
-        Ok(Self { bootstrap, joined, tls, health: None, leaving: Arc::default() })
+        let pulse = Pulse::default();
+        Ok(Self { bootstrap, joined, pulse, tls, health: None, leaving: Arc::default() })
     }
 
     /// How this process introduces itself, to whomever it dials.
@@ -112,11 +127,8 @@ impl Child {
     ///
     /// # Errors
     /// The manager does not answer, or refuses this process.
-    pub fn control<C: Command, Report: Message + Clone>(
-        &self,
-        heartbeat: Report,
-    ) -> Result<ControlLink<C, Report>, StartError> {
-        ControlLink::open(self, heartbeat)
+    pub fn control<C: Command, R: Report>(&self) -> Result<ControlLink<C, R>, StartError> {
+        ControlLink::open(self)
     }
 
     /// Notes that this process was asked to go: whatever becomes of its run, it joins no other.
@@ -150,10 +162,25 @@ impl Child {
     }
 }
 
-/// Lives a process' life on this thread, and logs what goes wrong with it.
-pub(super) fn live<T, E: From<io::Error> + Display>(life: impl Future<Output = Result<T, E>>) -> Result<T, E> {
-    let runtime = Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(life).inspect_err(|error| tracing::error!("{error}"))
+/// Lives a process' life on this thread, shows that the thread's event queue turns, and logs what goes wrong.
+pub(super) fn live<T, E: From<StartError> + Display>(
+    child: &Child,
+    life: impl Future<Output = Result<T, E>>,
+) -> Result<T, E> {
+    let lived = event_queue().map_err(|error| StartError::System(error).into()).and_then(|runtime| {
+        runtime.spawn(show_turns(child.pulse.beacon("main")));
+        runtime.block_on(life)
+    });
+    lived.inspect_err(|error| tracing::error!("{error}"))
+}
+
+async fn show_turns(beacon: Beacon) {
+    let mut tick = interval(TURN_PERIOD);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tick.tick().await;
+        beacon.turn();
+    }
 }
 
 /// Standard input has no deadline of its own, hence the thread; it ends with the process at the latest.

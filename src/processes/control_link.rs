@@ -1,7 +1,8 @@
 //! A child's end of its control connection.
 //!
-//! It has a thread and a runtime of its own, so that nothing that the process does can hold up its signs
-//! of life, and so that the process ends when the manager is gone or silent, whatever its other threads do.
+//! It has a thread and an event queue of its own, so that nothing that the process does can hold up its signs of life, and
+//! so that the process ends when the manager is gone or silent, or when another of its threads is stuck, whatever the
+//! others do: signs of life are signs of progress.
 
 use std::net::IpAddr;
 use std::sync::mpsc::sync_channel;
@@ -13,11 +14,14 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 use super::bootstrap::{Child, StartError};
+use super::event_queue::event_queue;
 use super::join;
 use crate::codec::Message;
 use crate::protocol::connection::{Connection, ConnectionError, Receiver, Sender, connect};
 use crate::protocol::control;
 use crate::protocol::hello::Role;
+use crate::pulse::Watch;
+use crate::telemetry;
 
 /// For the manager to answer the first hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
@@ -29,6 +33,10 @@ const QUEUE_MAX: usize = 256;
 /// Signs of life that the manager owes before it counts as gone: those of two of its own deadlines.
 const HEARTBEATS: u32 = 8;
 const PATIENCE_MIN: Duration = Duration::from_secs(2);
+/// How often the other threads are looked at, and how many looks find a thread stuck that is so: 20 s. Below the 30 s after
+/// which nodes give a display up that acknowledges nothing: whichever is stuck, it alone is replaced.
+const LOOK_PERIOD: Duration = Duration::from_secs(1);
+const LOOKS_MAX: u32 = 20;
 
 /// How long a process waits for a sign of life of its manager that comes every so often. Nothing that this process
 /// does counts when the time and [`ORPHAN_GRACE`] have passed: it is dead.
@@ -48,39 +56,43 @@ pub struct ControlLink<Command, Report> {
     thread: JoinHandle<()>,
 }
 
-impl<Command: control::Command, Report: Message + Clone> ControlLink<Command, Report> {
-    /// Dials the manager and starts to send `heartbeat` every so often.
+impl<Command: control::Command, Report: control::Report> ControlLink<Command, Report> {
+    /// Dials the manager and starts to send heartbeats.
     ///
     /// # Errors
-    /// The manager does not answer within 5 s, or refuses this process.
-    pub(super) fn open(child: &Child, heartbeat: Report) -> Result<Self, StartError> {
+    /// The manager does not answer within 5 s, or refuses this process; the system has no thread or no descriptor left.
+    pub(super) fn open(child: &Child) -> Result<Self, StartError> {
         let (command_sender, commands) = mpsc::channel(QUEUE_MAX);
         let (reports, report_receiver) = mpsc::channel(QUEUE_MAX);
         let (connected, connection) = sync_channel(1);
         let (closing, close) = oneshot::channel();
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(StartError::Thread)?;
         let (child, manager, introduction) = (child.clone(), child.bootstrap.manager, child.introduction());
         let period = Duration::from_millis(child.bootstrap.heartbeat_milliseconds.max(1));
         let thread = thread::Builder::new().name("control".to_owned()).spawn(move || {
-            let orphaned = runtime.block_on(async {
+            let runtime = match event_queue() {
+                Ok(runtime) => runtime,
+                Err(error) => return drop(connected.send(Err(StartError::System(error)))),
+            };
+            let must_end = runtime.block_on(async {
                 if let Role::Node(_) = child.bootstrap.role {
                     tokio::spawn(heed_sigterm(child.clone()));
                 }
                 let connection = match connect(Role::Manager, manager, &introduction, CONNECT_DEADLINE).await {
                     Ok(connection) => connection,
                     Err(error) => {
-                        drop(connected.send(Err(error)));
+                        drop(connected.send(Err(StartError::Manager(error))));
                         return false;
                     }
                 };
                 drop(connected.send(Ok(connection.local_address().ip())));
                 child.tell(true);
-                let orphaned = converse(connection, command_sender, report_receiver, close, heartbeat, period).await;
+                let watch = Watch::new(child.pulse.clone(), LOOKS_MAX);
+                let must_end = converse(connection, command_sender, report_receiver, close, watch, period).await;
                 child.tell(false);
-                orphaned
+                must_end
             });
-            if orphaned {
-                join::end_orphan(&child);
+            if must_end {
+                join::end_at_once(&child);
             }
         });
         let thread = thread.map_err(StartError::Thread)?;
@@ -107,24 +119,24 @@ async fn heed_sigterm(child: Child) {
     }
 }
 
-/// Whether the manager went first.
-async fn converse<Command: control::Command, Report: Message + Clone>(
+/// Whether the process must end at once: the manager went first, or a thread is stuck.
+async fn converse<Command: control::Command, Report: control::Report>(
     connection: Connection,
     commands: mpsc::Sender<Command>,
     reports: mpsc::Receiver<Report>,
     close: oneshot::Receiver<()>,
-    heartbeat: Report,
+    watch: Watch,
     period: Duration,
 ) -> bool {
     let (sender, mut receiver) = connection.split::<Report, Command>();
-    let mut farewell = std::pin::pin!(report(sender, reports, close, heartbeat, period));
+    let mut farewell = std::pin::pin!(report(sender, reports, close, watch, period));
     let orphaned = tokio::select! {
         biased;
         told = &mut farewell => match told {
             // Everything is said: what else comes does not matter, the end does.
-            Ok(()) => {
+            Ok(last) => {
                 drop(timeout(FAREWELL_DEADLINE, drain(&mut receiver)).await);
-                return false;
+                return last == Last::Stuck;
             }
             Err(error) => error.to_string(),
         },
@@ -136,30 +148,51 @@ async fn converse<Command: control::Command, Report: Message + Clone>(
     true
 }
 
-/// Heartbeats and reports until the process closes the link.
-async fn report<Report: Message + Clone>(
+/// Why nothing more is reported.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Last {
+    /// The process has closed the link.
+    Closed,
+    /// A thread of it is stuck.
+    Stuck,
+}
+
+/// Heartbeats and reports until the process closes the link, or is found stuck.
+async fn report<Report: control::Report>(
     mut sender: Sender<Report>,
     mut reports: mpsc::Receiver<Report>,
     mut close: oneshot::Receiver<()>,
-    heartbeat: Report,
+    mut watch: Watch,
     period: Duration,
-) -> Result<(), ConnectionError> {
+) -> Result<Last, ConnectionError> {
     let mut beat = interval(period);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
+    let mut look = interval(LOOK_PERIOD);
+    look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let last = loop {
         tokio::select! {
             biased;
-            _ = beat.tick() => sender.send(&heartbeat).await?,
+            _ = beat.tick() => sender.send(&Report::HEARTBEAT).await?,
+            _ = look.tick() => if let Some(thread) = watch.look() {
+                let time = LOOK_PERIOD * LOOKS_MAX;
+                let why = format!("its thread {thread} is stuck: no step and no processor time in {} s", time.as_secs());
+                tracing::error!("{why}");
+                sender.send(&Report::incident(why)).await?;
+                break Last::Stuck;
+            },
             report = reports.recv() => match report {
                 Some(report) => sender.send(&report).await?,
-                None => break,
+                None => break Last::Closed,
             },
             // What is in the queue is still received, then the queue ends.
             _ = &mut close, if !reports.is_closed() => reports.close(),
         }
+    };
+    for lost in telemetry::lost() {
+        sender.send(&Report::incident(lost)).await?;
     }
     sender.finish().await;
-    Ok(())
+    Ok(last)
 }
 
 /// Commands until the manager is gone, and why it is.
@@ -215,8 +248,7 @@ mod tests {
         let busy = 20 * PERIOD;
         let process = thread::spawn(move || {
             let child = Child::new(bootstrap, false).expect("no keys");
-            let mut link: ControlLink<BusCommand, BusReport> =
-                ControlLink::open(&child, BusReport::Heartbeat).expect("welcome");
+            let mut link: ControlLink<BusCommand, BusReport> = ControlLink::open(&child).expect("welcome");
             let command = link.commands.blocking_recv();
             thread::sleep(busy);
             for i in 0..100 {

@@ -14,8 +14,9 @@ use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use axum::routing::get;
 use tokio::net::TcpListener;
-use tokio::runtime::Builder;
 use tokio::sync::watch;
+
+use super::event_queue::event_queue;
 
 /// Whoever asks is from this host, and asks rarely.
 #[derive(Debug, thiserror::Error)]
@@ -91,7 +92,7 @@ pub async fn serve(address: SocketAddr) -> Result<watch::Sender<Health>, HealthE
 /// Those of [`serve`]; the system gives no thread.
 pub(super) fn serve_aside(address: SocketAddr) -> Result<watch::Sender<Health>, HealthError> {
     let failed = |error| HealthError::Bind { address, error };
-    let runtime = Builder::new_current_thread().enable_all().build().map_err(failed)?;
+    let runtime = event_queue().map_err(failed)?;
     let sender = runtime.block_on(serve(address))?;
     let answer = move || runtime.block_on(future::pending::<()>());
     thread::Builder::new().name("health".to_owned()).spawn(answer).map_err(failed)?;

@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
-use tokio::runtime::Builder;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
+use super::event_queue::event_queue;
 use super::{Child, listening, token};
 use crate::ids::Epoch;
 use crate::keys::Identity;
@@ -70,7 +70,7 @@ pub enum JoinError {
 /// # Errors
 /// There was none in time.
 pub(super) fn join(role: Role, joining: &Joining) -> Result<Bootstrap, JoinError> {
-    let runtime = Builder::new_current_thread().enable_all().build().map_err(JoinError::System)?;
+    let runtime = event_queue().map_err(JoinError::System)?;
     runtime.block_on(ask(role, joining))
 }
 
@@ -166,8 +166,8 @@ impl Pauses {
     }
 }
 
-/// Ends a process whose manager is gone: at once, whatever its other threads do.
-pub(super) fn end_orphan(child: &Child) -> ! {
+/// Ends a process whose manager is gone, or that is stuck: at once, whatever its other threads do.
+pub(super) fn end_at_once(child: &Child) -> ! {
     if child.is_leaving() {
         process::exit(0);
     }
@@ -190,7 +190,7 @@ pub fn begin_anew() {
 
 /// Whether SIGTERM arrives in this time. A node's handler is still there and would swallow it.
 fn is_asked_to_go(within: Duration) -> bool {
-    let Ok(runtime) = Builder::new_current_thread().enable_all().build() else { return false };
+    let Ok(runtime) = event_queue() else { return false };
     runtime.block_on(async {
         let Ok(mut terminate) = signal(SignalKind::terminate()) else { return false };
         timeout(within, terminate.recv()).await.is_ok()

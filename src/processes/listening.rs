@@ -1,11 +1,12 @@
 //! Under which address a server is known to others.
 
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
-use tokio::net::lookup_host;
 use tokio::time::timeout;
+
+use super::event_queue::aside;
 
 /// For a name to be looked up.
 const LOOKUP_DEADLINE: Duration = Duration::from_secs(5);
@@ -15,8 +16,13 @@ const LOOKUP_DEADLINE: Duration = Duration::from_secs(5);
 /// # Errors
 /// The name is not known, or nobody answers within 5 s.
 pub(super) async fn look_up(name: &str, port: u16, like: IpAddr) -> io::Result<SocketAddr> {
-    let found = match timeout(LOOKUP_DEADLINE, lookup_host((name, port))).await {
-        Ok(found) => found.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?,
+    if let Ok(address) = name.parse::<IpAddr>() {
+        return Ok((address, port).into());
+    }
+    let asked = name.to_owned();
+    let look_up = aside("look-up", move || (asked.as_str(), port).to_socket_addrs());
+    let found = match timeout(LOOKUP_DEADLINE, look_up).await {
+        Ok(found) => found.flatten().map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?,
         Err(_) => {
             return Err(io::Error::other(format!("{name}: not looked up within {} s", LOOKUP_DEADLINE.as_secs())));
         }

@@ -5,6 +5,7 @@ pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+mod event_queue;
 pub mod health;
 pub mod join;
 mod listening;

@@ -59,6 +59,27 @@ macro_rules! commands {
 
 commands! { BusCommand MasterCommand NodeCommand DisplayCommand }
 
+/// What a process tells the manager: among it, that it lives, and what somebody should know of.
+pub trait Report: Message + Clone {
+    const HEARTBEAT: Self;
+
+    fn incident(text: String) -> Self;
+}
+
+macro_rules! reports {
+    ($($name:ident)*) => { $(
+        impl Report for $name {
+            const HEARTBEAT: Self = Self::Heartbeat;
+
+            fn incident(text: String) -> Self {
+                Self::Incident(text)
+            }
+        }
+    )* };
+}
+
+reports! { BusReport MasterReport NodeReport DisplayReport }
+
 /// Manager to bus.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum BusCommand {

@@ -16,7 +16,9 @@ pub fn map<T: Sync, U: Send>(items: &[T], work: impl Fn(&T) -> U + Sync) -> Vec<
         }
     };
     let mut all = thread::scope(|scope| {
-        let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(share)).collect();
+        // Where the system has fewer threads left, those that there are do all of the work.
+        let start = |_| thread::Builder::new().spawn_scoped(scope, share).ok();
+        let helpers: Vec<_> = (1..threads).map_while(start).collect();
         let mut all = share();
         for helper in helpers {
             match helper.join() {

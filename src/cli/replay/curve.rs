@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::cli::grid_options::SETTINGS;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
+use crate::outlet;
 use crate::replay::counts::ratio;
 use crate::replay::curve::{LruCurve, curve};
 use crate::replay::schedule::schedule;
@@ -138,6 +139,6 @@ fn check<S: Subject>(
     if let Some(wrong) = compared.iter().find(|one| !one.agrees()) {
         return Err(crate::replay::TraceError(format!("the curve is not what brute force counts: {wrong:?}")));
     }
-    eprintln!("{} sizes recomputed by brute force: all agree", compared.len());
+    outlet::say(format_args!("{} sizes recomputed by brute force: all agree", compared.len()));
     Ok(())
 }

@@ -16,6 +16,7 @@ use self::to_bus::ToBus;
 use super::grid_options::{GridOptions, SETTINGS};
 use super::table::{Format, Table};
 use super::{Failure, print};
+use crate::outlet;
 use crate::progress::Parts;
 use crate::recording::references::{Opened, Recording};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
@@ -130,10 +131,10 @@ fn import(path: &Path) -> Result<Imported, Failure> {
     };
     let imported = imported?;
     if imported.writes > 0 {
-        eprintln!("note: {} writes count as reads", imported.writes);
+        outlet::say(format_args!("note: {} writes count as reads", imported.writes));
     }
     if imported.left_out > 0 {
-        eprintln!("note: {} references to nothing, of size 0, are left out", imported.left_out);
+        outlet::say(format_args!("note: {} references to nothing, of size 0, are left out", imported.left_out));
     }
     Ok(imported)
 }
@@ -189,7 +190,7 @@ fn damage(faults: &[String], partial: bool) -> Result<Option<String>, Failure> {
         )));
     }
     for fault in faults {
-        eprintln!("warning: {fault}");
+        outlet::say(format_args!("warning: {fault}"));
     }
     Ok(Some(format!("the recording is damaged: {}", faults.join("; "))))
 }

@@ -12,10 +12,12 @@ use tokio::time::timeout;
 use super::memory_loop::Command;
 use super::{BusError, FINISH_DEADLINE, INCIDENTS_MAX, admit, listen, start_loop};
 use crate::ids::Epoch;
+use crate::processes::event_queue::event_queue;
 use crate::processes::{StartError, token};
 use crate::protocol::connection::Credentials;
 use crate::protocol::control::{BusConfiguration, BusTotals};
 use crate::protocol::hello::RunToken;
+use crate::pulse::Pulse;
 use crate::recording::bus_log;
 use crate::telemetry;
 
@@ -52,7 +54,7 @@ pub fn serve_alone(alone: &Alone) -> Result<BusTotals, BusError> {
         BusConfiguration { cluster: recorded.cluster, arbiter: recorded.arbiter, layout: recorded.layout, recording };
     let secret = token::random()?;
     token::write(&alone.token(), secret)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = event_queue()?;
     let served = runtime.block_on(serve(alone.bind, secret, &configuration));
     // Nobody can use it any more.
     let _ = fs::remove_file(alone.token());
@@ -90,7 +92,7 @@ async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfigurat
     let mut terminate = signal(SignalKind::terminate())?;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (farewell, mut loader_left) = oneshot::channel();
-    let (handle, ended) = start_loop(configuration, Epoch(0), incident_sender, Some(farewell))?;
+    let (handle, ended) = start_loop(configuration, Epoch(0), incident_sender, Some(farewell), Pulse::default())?;
     let mut listener = listen(bind, Credentials::plain(secret)).await?;
     say(listener.address())?;
     let why = loop {

@@ -17,6 +17,7 @@ use crate::machine::transaction::Initiator;
 use crate::protocol::connection::{Fault, Peer, Socket};
 use crate::protocol::control::{BusTotals, LostAttempt};
 use crate::protocol::memory::MemoryReply;
+use crate::pulse::Beacon;
 use crate::recording::{RecordingError, Writer};
 
 const WAKE: Token = Token(usize::MAX);
@@ -149,27 +150,30 @@ impl MemoryLoop {
     ///
     /// # Errors
     /// The system cannot poll, or the recording cannot be written: a bus without its log is of no use.
-    pub fn run(mut self) -> Result<Option<BusTotals>, LoopError> {
+    pub fn run(mut self, beacon: &Beacon) -> Result<Option<BusTotals>, LoopError> {
         let mut events = Events::with_capacity(EVENTS_MAX);
         loop {
-            let told = self.turn(&mut events, self.timeout())?;
+            let told = self.turn(&mut events, self.timeout(), beacon)?;
             if events.is_empty() {
                 self.recording.flush()?;
                 self.unflushed = false;
             }
             if told {
                 match self.obey() {
-                    Obeyed::On => self.serve()?,
+                    Obeyed::On => self.serve(beacon)?,
                     Obeyed::Abandoned => return Ok(None),
-                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&mut events, &lost)?)),
+                    Obeyed::Finish { lost } => return Ok(Some(self.finish(&mut events, &lost, beacon)?)),
                 }
             }
         }
     }
 
     /// Waits for sockets and serves those that are ready. `true`: there are commands.
-    fn turn(&mut self, events: &mut Events, timeout: Option<Duration>) -> Result<bool, LoopError> {
-        match self.poll.poll(events, timeout) {
+    fn turn(&mut self, events: &mut Events, timeout: Option<Duration>, beacon: &Beacon) -> Result<bool, LoopError> {
+        beacon.idle();
+        let polled = self.poll.poll(events, timeout);
+        beacon.turn();
+        match polled {
             // There are no events then.
             Err(error) if error.kind() == io::ErrorKind::Interrupted => events.clear(),
             polled => polled?,
@@ -181,7 +185,7 @@ impl MemoryLoop {
                 Token(slot) => self.wake(slot),
             }
         }
-        self.serve()?;
+        self.serve(beacon)?;
         if timeout.is_some() {
             self.drop_stuck();
         }
@@ -201,8 +205,9 @@ impl MemoryLoop {
     }
 
     /// Rounds until nobody has a request: one request of each who has, all of them in the arbiter's order.
-    fn serve(&mut self) -> Result<(), RecordingError> {
+    fn serve(&mut self, beacon: &Beacon) -> Result<(), RecordingError> {
         while !self.ready.is_empty() {
+            beacon.turn();
             let mut ready = std::mem::take(&mut self.ready);
             ready.drain(..).for_each(|slot| self.take_request(slot));
             self.ready = ready;
@@ -356,11 +361,11 @@ impl MemoryLoop {
 
     /// What was sent before the end may still be in the senders' sockets, where TCP holds it back until earlier
     /// data are acknowledged: it is whole when they have left.
-    fn finish(mut self, events: &mut Events, lost: &[LostAttempt]) -> Result<BusTotals, LoopError> {
+    fn finish(mut self, events: &mut Events, lost: &[LostAttempt], beacon: &Beacon) -> Result<BusTotals, LoopError> {
         let late = Instant::now() + LEAVE_DEADLINE;
-        self.serve()?;
+        self.serve(beacon)?;
         while self.clients.iter().skip(1).any(Option::is_some) && Instant::now() < late {
-            self.turn(events, Some(LOOK_PERIOD))?;
+            self.turn(events, Some(LOOK_PERIOD), beacon)?;
         }
         let wire_bytes = self.wire_bytes + self.clients.iter().flatten().map(|client| client.wire_bytes).sum::<u64>();
         let log = self.recording.finish()?;

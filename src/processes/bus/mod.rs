@@ -22,6 +22,7 @@ use super::{Child, ControlLink};
 use crate::ids::Epoch;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
+use crate::pulse::Pulse;
 use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 
 /// Incidents on their way from the loop to the manager.
@@ -60,8 +61,8 @@ pub enum BusError {
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), BusError> {
-    live(async {
-        let mut link = child.control(BusReport::Heartbeat)?;
+    live(child, async {
+        let mut link = child.control()?;
         let outcome = serve(child, &mut link).await;
         let report = match &outcome {
             Ok(totals) => BusReport::Finished(*totals),
@@ -85,7 +86,7 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
     // On a machine of its own nobody has made it.
     std::fs::create_dir_all(&configuration.recording)?;
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
-    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None)?;
+    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None, child.pulse.clone())?;
     let mut listener = listen((child.interface(link.interface), 0).into(), child.credentials()).await?;
     let address = child.advertised(listener.address(), link.interface).await?;
     let mut reports = vec![BusReport::Listening(address)];
@@ -123,6 +124,7 @@ fn start_loop(
     epoch: Epoch,
     incidents: mpsc::Sender<String>,
     farewell: Option<oneshot::Sender<()>>,
+    pulse: Pulse,
 ) -> Result<(Handle, oneshot::Receiver<LoopOutcome>), BusError> {
     let BusConfiguration { cluster, arbiter, layout, recording } = configuration;
     std::fs::create_dir_all(recording)
@@ -136,7 +138,10 @@ fn start_loop(
     }
     let (sender, ended) = oneshot::channel();
     // An error means that nobody waits for the outcome any more.
-    thread::Builder::new().name("bus".to_owned()).spawn(move || drop(sender.send(memory_loop.run())))?;
+    thread::Builder::new().name("bus".to_owned()).spawn(move || {
+        let beacon = pulse.beacon("bus");
+        drop(sender.send(memory_loop.run(&beacon)));
+    })?;
     Ok((handle, ended))
 }
 

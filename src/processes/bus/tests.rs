@@ -135,7 +135,7 @@ async fn run_until(
     let recording = Writer::create(&configuration.recording, &metadata).expect("an empty folder");
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
-    let loop_thread = thread::spawn(|| memory_loop.run());
+    let loop_thread = thread::spawn(|| memory_loop.run(&Pulse::default().beacon("bus")));
     let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), credentials).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {

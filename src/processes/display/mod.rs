@@ -10,12 +10,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytes::BytesMut;
 use tokio::sync::mpsc;
-use tokio::task::{AbortHandle, spawn_blocking};
+use tokio::task::AbortHandle;
 
 use self::state::{Action, ConnectionId, Event, Finished, Source, State};
 use crate::ids::RunId;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::processes::bootstrap::live;
+use crate::processes::event_queue::aside;
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, Peer, QueuedSender, Receiver};
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
@@ -51,8 +52,8 @@ type Link = ControlLink<DisplayCommand, DisplayReport>;
 /// # Errors
 /// The manager is gone, there is no memory for the image, or image or journal cannot be written.
 pub fn run(child: &Child) -> Result<(), DisplayError> {
-    live(async {
-        let mut link: Link = child.control(DisplayReport::Heartbeat)?;
+    live(child, async {
+        let mut link: Link = child.control()?;
         let served = serve(&mut link, child).await;
         let last = match &served {
             Ok(totals) => DisplayReport::Finished(totals.clone()),
@@ -234,7 +235,7 @@ impl Shell {
     async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
         let Self { state, journal, wire_bytes, .. } = self;
         let wire_bytes = wire_bytes.load(Ordering::Relaxed);
-        let written = spawn_blocking(move || {
+        let written = aside("image", move || {
             // Locked until the image stands.
             let _journal = journal;
             let Finished { frame, tiles_done, tiles_stale } = state.finish();
@@ -243,7 +244,7 @@ impl Shell {
             std::io::Result::Ok(DisplayTotals { sha256: frame.sha256(), tiles_done, tiles_stale, wire_bytes, written })
         });
         let failed = |error: &dyn std::fmt::Display| DisplayError::Failed(format!("cannot write the image: {error}"));
-        written.await.map_err(|error| failed(&error))?.map_err(|error| failed(&error))
+        written.await.flatten().map_err(|error| failed(&error))
     }
 }
 

@@ -47,6 +47,7 @@ use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::OutputFolder;
 use self::plan::Plan;
+use super::event_queue::event_queue;
 use super::health::HealthError;
 use super::token;
 use crate::chaos;
@@ -283,8 +284,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
     let recorded =
         request.record_references.then(|| recorded::seal(topology, &prepared, &scene_sha256, tiling, local_bytes));
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(|error| RunError::System { what: "event queue", error: error.to_string() })?;
+    let runtime = event_queue().map_err(|error| RunError::System { what: "descriptor", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
     let finished = runtime.block_on(run.finish(plan));

@@ -1,9 +1,10 @@
 //! Who can dial whom: the manager's own address, and the servers' as they are told to their clients.
 
-use std::io::{self, Write, stderr};
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
 use super::process::Command;
+use crate::outlet;
 use crate::processes::listening;
 use crate::protocol::control::{MasterCommand, NodeCommand};
 use crate::topology::Host;
@@ -30,16 +31,14 @@ pub(super) fn from_here(listens: SocketAddr) -> SocketAddr {
 pub(super) fn say(address: SocketAddr, quiet: bool) {
     tracing::info!("listening at {address} for those who join");
     if !quiet {
-        // Nobody is left to be told that standard error is closed.
-        let _ = writeln!(stderr(), "listening at {address} for those who join");
+        outlet::say(format_args!("listening at {address} for those who join"));
     }
 }
 
 /// Says what must not be overlooked.
 pub(super) fn warn(what: &str) {
     tracing::warn!("{what}");
-    // As above.
-    let _ = writeln!(stderr(), "warning: {what}");
+    outlet::say(format_args!("warning: {what}"));
 }
 
 /// Why the manager cannot dial a server at the address that it tells, when it has dialled from there.

@@ -30,6 +30,7 @@ use crate::progress::{Progress, Status};
 use crate::protocol::connection::Credentials;
 use crate::protocol::hello::Role;
 use crate::report::Chaos;
+use crate::telemetry;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -142,6 +143,7 @@ impl Run {
             missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
             chaos
         });
+        telemetry::lost().into_iter().for_each(|lost| state.ledger.incident(state.now, lost));
         Ok((state, chaos))
     }
 }

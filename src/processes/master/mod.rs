@@ -57,11 +57,15 @@ type Link = ControlLink<MasterCommand, MasterReport>;
 /// # Errors
 /// The manager or the bus cannot be reached, or the manager is gone.
 pub fn run(child: &Child) -> Result<(), MasterError> {
-    live(async {
-        let mut link: Link = child.control(MasterReport::Heartbeat)?;
-        serve(child, &mut link).await?;
+    live(child, async {
+        let mut link: Link = child.control()?;
+        let served = serve(child, &mut link).await;
+        if let Err(error) = &served {
+            // Where the manager is gone nobody is left to be told.
+            let _ = report(&link, MasterReport::Incident(error.to_string())).await;
+        }
         link.close();
-        Ok(())
+        served
     })
 }
 

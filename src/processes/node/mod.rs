@@ -25,7 +25,7 @@ use self::tracer_thread::{FromTracer, Tracer};
 use super::bootstrap::{StartError, live};
 use super::{Child, ControlLink};
 use crate::ids::ClusterId;
-use crate::protocol::connection::{ConnectionError, Introduction, Receiver, Sender, connect};
+use crate::protocol::connection::{ConnectionError, Receiver, Sender, connect};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::Role;
 use crate::protocol::work::{WorkReply, WorkRequest};
@@ -67,8 +67,8 @@ pub enum NodeError {
 /// # Errors
 /// Anything that keeps this node from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), NodeError> {
-    live(async {
-        let mut link = child.control(NodeReport::Heartbeat)?;
+    live(child, async {
+        let mut link = child.control()?;
         let outcome = work(child, &mut link).await;
         let report = match &outcome {
             Ok(End::Finished) => NodeReport::Finished,
@@ -107,7 +107,7 @@ async fn work(child: &Child, link: &mut ControlLink<NodeCommand, NodeReport>) ->
             _ = terminate.recv() => return Ok(End::Left),
         }
     };
-    let mut shell = Shell::start(configuration, child.introduction(), link.reports.clone()).await?;
+    let mut shell = Shell::start(configuration, child, link.reports.clone()).await?;
     let mut leave_by = None;
     loop {
         let event = tokio::select! {
@@ -166,16 +166,17 @@ struct Shell {
 impl Shell {
     async fn start(
         configuration: NodeConfiguration,
-        introduction: Introduction,
+        child: &Child,
         reports: mpsc::Sender<NodeReport>,
     ) -> Result<Self, NodeError> {
+        let introduction = child.introduction();
         let master =
             connect(Role::Master(configuration.cluster), configuration.master, &introduction, CONNECT_DEADLINE).await?;
         let (to_master, from_master) = master.split();
         let cluster = configuration.cluster;
         let state = State::new(configuration.tiling, configuration.display);
         let display = DisplayLink::dial(configuration.display, introduction.clone());
-        let tracer = Tracer::start(configuration, introduction)?;
+        let tracer = Tracer::start(configuration, introduction, child.pulse.clone())?;
         let late = Instant::now() + ACKNOWLEDGE_DEADLINE;
         Ok(Self { cluster, state, tracer, to_master, from_master, display, reports, late, corruption: None })
     }

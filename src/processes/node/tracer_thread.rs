@@ -17,6 +17,7 @@ use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::hello::Role;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::pulse::{Beacon, Pulse};
 use crate::tracer::AovSet;
 
 /// What the thread says.
@@ -40,11 +41,12 @@ pub struct Tracer {
 impl Tracer {
     /// # Errors
     /// The system has no thread left.
-    pub fn start(configuration: NodeConfiguration, introduction: Introduction) -> io::Result<Self> {
+    pub fn start(configuration: NodeConfiguration, introduction: Introduction, pulse: Pulse) -> io::Result<Self> {
         let (jobs, job_receiver) = channel::bounded(JOBS_PER_NODE);
         let (sender, said) = mpsc::channel(JOBS_PER_NODE);
         thread::Builder::new().name("tracer".to_owned()).spawn(move || {
-            if let Err(error) = trace_all(&configuration, &introduction, &job_receiver, &sender) {
+            let beacon = pulse.beacon("tracer");
+            if let Err(error) = trace_all(&configuration, &introduction, &beacon, &job_receiver, &sender) {
                 // An error means that the process ends anyway, here as below.
                 let _ = sender.blocking_send(FromTracer::Failed(with_causes(&*error)));
             }
@@ -56,15 +58,20 @@ impl Tracer {
 fn trace_all(
     configuration: &NodeConfiguration,
     introduction: &Introduction,
+    beacon: &Beacon,
     jobs: &channel::Receiver<Job>,
     say: &mpsc::Sender<FromTracer>,
 ) -> Result<(), Box<dyn Error>> {
+    beacon.turn();
     let bus = BusLines::connect(configuration.cluster, configuration.bus, introduction)?;
     let Role::Node(node) = introduction.hello.role else { return Err("this process is no node".into()) };
     tile_memory::with(configuration, (node, introduction.hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));
+        beacon.idle();
         for job in jobs {
+            beacon.turn();
             let traced = trace(&job, memory, configuration.aov)?;
+            beacon.idle();
             if say.blocking_send(FromTracer::Traced(traced)).is_err() {
                 break;
             }

@@ -25,6 +25,7 @@ pub use self::latency::Latency;
 pub use self::outcome::PlayOutcome;
 use self::score::Score;
 use self::voice::{Due, Tally, Voice};
+use super::event_queue::event_queue;
 use super::loader::Loader;
 use super::token;
 use crate::database::{Layout, Section};
@@ -120,7 +121,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     check_hash(request.scene_sha256.as_deref(), image)?;
     let score = Score::read(log, image, topology.cluster.all_nodes(), request.may_be_damaged)?;
 
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = event_queue();
     let runtime = runtime.map_err(|error| PlayError::System { what: "event queue", error })?;
     let start = Instant::now();
     let loader = runtime.block_on(upload(request.bus, &credentials, open(request)?, image))?;

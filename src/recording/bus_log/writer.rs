@@ -22,8 +22,8 @@ pub(super) const BATCH_ROWS: usize = 8192;
 const BATCH_NANOSECONDS: u64 = 500_000_000;
 /// Batches that may wait for the thread: some 20 MB.
 const QUEUE_BATCHES: usize = 16;
-/// A file system that takes longer than this for what is in the queue counts as broken.
-const DEADLINE: Duration = Duration::from_secs(30);
+/// A file system that takes longer than this for what is in the queue counts as broken. Less than what a bus may be stuck.
+const DEADLINE: Duration = Duration::from_secs(15);
 
 /// Why a recording cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -92,7 +92,7 @@ impl Writer {
     ///
     /// # Errors
     /// An earlier row could not be written, such as when the disk is full, or the queue stayed full for the
-    /// deadline of 30 s. Every later call fails too.
+    /// deadline of 15 s. Every later call fails too.
     pub fn push(&mut self, row: Transaction) -> Result<(), RecordingError> {
         if self.sender.is_none() {
             return Err(self.ended());
