@@ -22,6 +22,7 @@ pub mod processes;
 pub mod progress;
 pub mod protocol;
 pub mod recording;
+pub mod regular_file;
 pub mod render;
 pub mod replay;
 pub mod report;

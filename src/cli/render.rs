@@ -177,6 +177,7 @@ fn report(
             sha256: Some(rendering.frame.sha256()),
             non_finite_pixels: stats.non_finite_pixels,
             files,
+            file_sha256: None,
         },
         kernel: Some(kernel),
         rays: report::Rays::new(stats),

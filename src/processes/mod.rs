@@ -4,6 +4,7 @@
 pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
+mod folder_claim;
 pub mod display;
 pub mod health;
 pub mod join;

@@ -98,6 +98,9 @@ pub struct Image {
     pub non_finite_pixels: u64,
     /// The image first.
     pub files: Vec<PathBuf>,
+    /// Of the bytes of `image.png` in the output folder; `None` where there is none.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub file_sha256: Option<String>,
 }
 
 /// What traced.
@@ -346,6 +349,7 @@ pub(crate) mod sample {
                 sha256: Some("00ff".to_owned()),
                 non_finite_pixels: 0,
                 files: vec![PathBuf::from("out/image.png")],
+                file_sha256: Some("11ee".to_owned()),
             },
             kernel: Some(Kernel::Packets { simd: Simd::Avx2, derived_bytes: 93_520 }),
             rays: Rays { primary: 3072, shadow: 2000, reflection: 500, refraction: 28 },
