@@ -25,6 +25,7 @@ pub mod progress;
 pub mod protocol;
 pub mod pulse;
 pub mod recording;
+pub mod regular_file;
 pub mod render;
 pub mod replay;
 pub mod report;

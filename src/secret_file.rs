@@ -1,9 +1,11 @@
 //! Files that only their owner can read: the token of a bus, the keys of a cluster.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
-use std::path::{Path, PathBuf};
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+use crate::{atomic_file, regular_file};
 
 /// Read and written by its owner alone.
 const OWNER_ONLY: u32 = 0o600;
@@ -12,20 +14,15 @@ const OTHERS: u32 = 0o077;
 /// Writes a file that only its owner can read, in the place of an earlier one, whole or not at all.
 ///
 /// # Errors
-/// It cannot be written; the error names it.
+/// It cannot be written, or something else than a regular file has this name; the error names it.
 pub fn write(path: &Path, text: &str) -> io::Result<()> {
     let written = || {
-        let mut beside = path.as_os_str().to_owned();
-        beside.push(".part");
-        let beside = PathBuf::from(beside);
-        match fs::remove_file(&beside) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
+        // A secret goes neither through a link, nor to a device.
+        if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
+            return Err(io::Error::other("is not a regular file, expected one or none"));
         }
         // Nobody else can have opened a file that is new.
-        let mut file = OpenOptions::new().write(true).create_new(true).mode(OWNER_ONLY).open(&beside)?;
-        file.write_all(text.as_bytes())?;
-        fs::rename(&beside, path)
+        atomic_file::replace(path, OWNER_ONLY, |file| file.write_all(text.as_bytes()))
     };
     written().map_err(|error| named(path, &error.to_string()))
 }
@@ -33,10 +30,10 @@ pub fn write(path: &Path, text: &str) -> io::Result<()> {
 /// The text of a file of at most so many bytes.
 ///
 /// # Errors
-/// The file is not there, others can read it, it is longer, or it is no text; the error names it.
+/// The file is not there or no regular file, others can read it, it is longer, or it is no text; the error names it.
 pub fn read(path: &Path, bytes_max: u64) -> io::Result<String> {
     let read = || {
-        let file = File::open(path)?;
+        let file = regular_file::open(path)?;
         let mode = file.metadata()?.mode();
         if mode & OTHERS != 0 {
             let what = format!("its mode is {:03o}: others can read the secret, expected 600", mode & 0o777);
@@ -73,6 +70,17 @@ mod tests {
             assert_eq!(read(&path, 3).expect("ours"), text);
         }
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+
+    #[test]
+    fn a_secret_is_not_written_through_a_link() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (link, target) = (folder.path().join("link"), folder.path().join("target"));
+        fs::write(&target, "theirs").expect("writable");
+        std::os::unix::fs::symlink(&target, &link).expect("a link");
+        let refused = write(&link, "ours").expect_err("a link").to_string();
+        assert!(refused.ends_with("link: is not a regular file, expected one or none"), "{refused}");
+        assert_eq!(fs::read(&target).expect("there"), b"theirs");
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub enum Exit {
     BadInput = 2,
     /// The run ended, and the image lacks tiles.
     TilesMissing = 3,
+    /// 128 + SIGHUP.
+    HungUp = 129,
     /// 128 + SIGINT.
     Interrupted = 130,
     /// 128 + SIGTERM.

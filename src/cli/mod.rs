@@ -167,6 +167,7 @@ mod tests {
             ("marti scene torus", "expected gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),
             ("marti scene gears --size -1", "unexpected argument"),
             ("marti run t.toml --record misses", "possible values: references"),
+            ("marti run --resume o --force", "cannot be used with"),
             ("marti run t.toml --chaos kill", "column 5: expected bus, master, node or display"),
             ("marti replay", "<RECORDING>"),
             ("marti replay o --local-memory 9/8", "a share of the database above 0"),

@@ -178,6 +178,7 @@ fn report(
             non_finite_pixels: stats.non_finite_pixels,
             unverified: None,
             files,
+            file_sha256: None,
         },
         kernel: Some(kernel),
         rays: report::Rays::new(stats),

@@ -1,7 +1,7 @@
 //! `marti run TOPOLOGY`, and `marti run --resume OUT`
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use super::options::OutputOptions;
 use super::{Exit, Failure, print};
 use crate::chaos::Schedule;
 use crate::processes::manager::{self, Interrupt, RunEnd, RunRequest};
-use crate::report::{Report, Status, json, text};
+use crate::report::text;
 use crate::topology::{Override, Topology};
 
 /// Render a topology with all its processes
@@ -18,12 +18,16 @@ pub struct RunArguments {
     /// Topology file (docs/topology.md)
     #[arg(required_unless_present = "resume")]
     pub topology: Option<PathBuf>,
-    /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]
+    /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]; what an earlier run left
+    /// there is moved to DIR/earlier/N
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Go on with the run that was interrupted in this folder: with its topology, and the tiles that it had
     #[arg(long, value_name = "DIR", conflicts_with_all = ["topology", "out"])]
     pub resume: Option<PathBuf>,
+    /// Use the folder though it holds files that no run wrote; those that are in the way are moved to DIR/earlier/N
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
     /// Set a key of the topology for this run, such as cluster.nodes=9
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<Override>,
@@ -75,8 +79,10 @@ impl RunArguments {
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let (topology, out) = arguments.subject()?;
+    // With other settings there may be something left to do.
     if arguments.resume.is_some()
-        && let Some(report) = finished(&out)
+        && arguments.set.is_empty()
+        && let Some(report) = manager::finished(&out)
     {
         if !arguments.quiet {
             print(&format!("{}: the run is finished\n{}", out.display(), text::summary(&report)))?;
@@ -86,6 +92,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let outcome = manager::run(RunRequest {
         out,
         resume: arguments.resume.is_some(),
+        force: arguments.force,
         topology,
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),
@@ -101,21 +108,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };
         Failure::new(exit, error.to_string())
     })?;
-    if !arguments.quiet {
-        print(&text::summary(&outcome.report))?;
-    }
+    let printed = if arguments.quiet { Ok(()) } else { print(&text::summary(&outcome.report)) };
     match outcome.end {
-        RunEnd::Done => Ok(()),
+        RunEnd::Done => printed,
         RunEnd::Failed(why) => Err(Failure::failed(why)),
         RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
         RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
         RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
+        RunEnd::Interrupted(Interrupt::Sighup) => Err(Failure::new(Exit::HungUp, "the terminal was closed")),
     }
-}
-
-/// The report of a run that has nothing left to do.
-fn finished(out: &Path) -> Option<Report> {
-    let report = json::read(&out.join("report.json")).ok()?;
-    let has_files = report.image.files.iter().all(|file| file.exists());
-    (report.status == Status::Done && has_files).then_some(report)
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::format::{Head, Header, Record, Subject};
 use super::reader::{self, HeaderFault, Next, Reader, Start};
+use crate::regular_file;
 use crate::tracer::AovSet;
 
 /// For a display whose manager was killed to end too: until then it might append beside its successor.
@@ -46,8 +47,8 @@ impl Journal {
         resume: bool,
         restore: impl FnMut(&Record),
     ) -> Result<(Self, Option<String>), JournalError> {
+        let file = regular_file::edit(path).map_err(|error| unopened(path, error))?;
         let named = |error| JournalError::Io { path: path.to_owned(), error };
-        let file = File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(named)?;
         if !lock(&file).map_err(named)? {
             return Err(JournalError::Locked { path: path.to_owned() });
         }
@@ -64,7 +65,7 @@ impl Journal {
 
     /// Which planes the tiles of a journal hold; `None` where there is no sound header.
     pub fn planes(path: &Path) -> Option<AovSet> {
-        Some(reader::subject(File::open(path).ok()?)?.aov)
+        Some(reader::subject(regular_file::open(path).ok()?)?.aov)
     }
 
     /// Whether [`Self::open`] would go on with the file, if there is one.
@@ -72,9 +73,9 @@ impl Journal {
     /// # Errors
     /// It cannot be read, or belongs to something else.
     pub fn check(path: &Path, subject: &Subject) -> Result<(), JournalError> {
-        let file = match File::open(path) {
+        let file = match regular_file::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            opened => opened.map_err(|error| JournalError::Io { path: path.to_owned(), error })?,
+            opened => opened.map_err(|error| unopened(path, error))?,
         };
         let start = Reader::new(file, *subject).start();
         start.map(drop).map_err(|fault| JournalError::Header { path: path.to_owned(), fault })
@@ -107,6 +108,15 @@ impl Journal {
             self.file.write_all(bytemuck::bytes_of(&Header::of(subject)))?;
         }
         Ok(dropped)
+    }
+}
+
+/// A pipe, a device, a folder or a link is no journal.
+fn unopened(path: &Path, error: io::Error) -> JournalError {
+    let path = path.to_owned();
+    match regular_file::is_refused(&error) {
+        true => JournalError::Header { path, fault: HeaderFault::Foreign },
+        false => JournalError::Io { path, error },
     }
 }
 

@@ -1,13 +1,14 @@
 //! The folder with the keys of a cluster: `ca.pem`, `ca.key`, and a file a role.
 
-use std::fs::{self, DirBuilder};
+use std::fs::DirBuilder;
+use std::io::Read;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use time::Date;
 
 use super::{Authority, Certificate, Identity, KeysError, RoleKind, Validity};
-use crate::secret_file;
+use crate::{regular_file, secret_file};
 
 /// The authority's certificate, which is also in each role's file.
 const AUTHORITY_FILE: &str = "ca.pem";
@@ -82,7 +83,10 @@ impl KeyFolder {
     /// There is no authority's certificate.
     pub fn show(&self) -> Result<Shown, KeysError> {
         let path = self.path.join(AUTHORITY_FILE);
-        let authority = fs::read_to_string(&path).map_err(|error| secret_file::named(&path, &error.to_string()))?;
+        let mut authority = String::new();
+        regular_file::open(&path)
+            .and_then(|file| file.take(FILE_BYTES_MAX).read_to_string(&mut authority))
+            .map_err(|error| secret_file::named(&path, &error.to_string()))?;
         let fingerprint =
             Certificate::fingerprint(&authority).ok_or_else(|| secret_file::named(&path, "expected a certificate"))?;
         let last_day = |kind| {

@@ -17,14 +17,9 @@ use tokio::time::{MissedTickBehavior, interval};
 use crate::codec::{self, CodecError, PREFIX_BYTES};
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
-<<<<<<< HEAD
-use crate::protocol::control::{Bootstrap, Command};
-use crate::protocol::hello::{Hello, Role};
-=======
 use crate::protocol::control::{Bootstrap, Command, Report};
-use crate::protocol::hello::Role;
+use crate::protocol::hello::{Hello, Role};
 use crate::pulse::{Beacon, Pulse};
->>>>>>> host
 use crate::telemetry::{self, TelemetryError};
 
 use super::event_queue::event_queue;

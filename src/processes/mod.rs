@@ -6,6 +6,7 @@ pub mod bus;
 pub mod control_link;
 pub mod display;
 mod event_queue;
+mod folder_claim;
 pub mod health;
 pub mod join;
 mod listening;

@@ -107,6 +107,8 @@ pub enum BusReport {
     Listening(SocketAddr),
     Heartbeat,
     Incident(String),
+    /// It cannot go on, or its recording cannot be made whole; why.
+    Failed(String),
     Finished(BusTotals),
 }
 

@@ -1,11 +1,10 @@
 //! report.json.
 
-use std::fs::File;
 use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 use super::Report;
-use crate::atomic_file;
+use crate::{atomic_file, regular_file};
 
 /// Writes the report, there whole or not at all.
 ///
@@ -21,10 +20,21 @@ pub fn write(report: &Report, path: &Path) -> io::Result<()> {
 /// Reads a report back.
 ///
 /// # Errors
-/// The file cannot be read, or is no report; the error names it.
+/// The file cannot be read, is no regular file, or is no report; the error names it.
 pub fn read(path: &Path) -> io::Result<Report> {
-    let read = || Ok(serde_json::from_reader(BufReader::new(File::open(path)?))?);
+    let read = || Ok(serde_json::from_reader(BufReader::new(regular_file::open(path)?))?);
     read().map_err(|error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))
+}
+
+/// Whether a file begins as a report of any version.
+pub fn is_report(path: &Path) -> bool {
+    #[derive(serde::Deserialize)]
+    struct Versioned {
+        #[serde(rename = "schema_version")]
+        _version: u32,
+    }
+    let versioned = regular_file::open(path).ok().map(|file| serde_json::from_reader(BufReader::new(file)));
+    matches!(versioned, Some(Ok(Versioned { .. })))
 }
 
 #[cfg(test)]

@@ -108,6 +108,9 @@ pub struct Image {
     pub unverified: Option<String>,
     /// The image first.
     pub files: Vec<PathBuf>,
+    /// Of the bytes of `image.png` in the output folder; `None` where there is none.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub file_sha256: Option<String>,
 }
 
 /// What traced.
@@ -350,6 +353,7 @@ pub(crate) mod sample {
                 non_finite_pixels: 0,
                 unverified: Some("a = b: 1 against 2".to_owned()),
                 files: vec![PathBuf::from("out/image.png")],
+                file_sha256: Some("11ee".to_owned()),
             },
             kernel: Some(Kernel::Packets { simd: Simd::Avx2, derived_bytes: 93_520 }),
             rays: Rays { primary: 3072, shadow: 2000, reflection: 500, refraction: 28 },

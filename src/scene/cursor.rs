@@ -100,6 +100,7 @@ impl<'a> Cursor<'a> {
         let subject = match word.bytes {
             [] if word.at >= self.source.bytes.len() => "the file ends here".into(),
             [] => "the line ends here".into(),
+            _ if !self.source.is_quoted => "a word".into(),
             _ => word.to_string(),
         };
         self.source.error(word.at, format!("{subject}{what}"))

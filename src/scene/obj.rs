@@ -10,6 +10,7 @@
 mod mtl;
 mod statements;
 
+use std::cell::Cell;
 use std::path::Path;
 
 use glam::DVec3;
@@ -20,17 +21,23 @@ use statements::Checked;
 
 /// Larger files are refused, so that no index outgrows 32 bits and memory stays within some 20 GiB.
 pub const OBJ_BYTES_MAX: u64 = 1 << 30;
+/// Of all material libraries of a scene together.
 pub const MTL_BYTES_MAX: u64 = 64 << 20;
 
 /// Reads an OBJ file and the material libraries it names, in paths relative to its own folder.
 ///
 /// # Errors
 /// A file cannot be read, is larger than [`OBJ_BYTES_MAX`] or [`MTL_BYTES_MAX`], or its first mistake,
-/// with line and column.
+/// with line and column. Of a library no word is shown.
 pub fn load(path: &Path) -> Result<Scene, SourceError> {
     let source = Source::read(path, OBJ_BYTES_MAX)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&source, |library| Source::read(&folder.join(library), MTL_BYTES_MAX))
+    let left = Cell::new(MTL_BYTES_MAX);
+    parse(&source, |library| {
+        let library = Source::read_unquoted(&folder.join(library), left.get())?;
+        left.set(left.get() - library.bytes.len() as u64);
+        Ok(library)
+    })
 }
 
 fn parse(source: &Source, read_library: impl Fn(&str) -> Result<Source, SourceError>) -> Result<Scene, SourceError> {

@@ -1,16 +1,18 @@
 //! The bytes of a file that a person wrote or chose, read with a bound, and where in them something stands.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::SourceError;
+use crate::regular_file;
 
 /// The bytes of a file that is not trusted.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
     pub(crate) file: PathBuf,
     pub(crate) bytes: Vec<u8>,
+    /// Whether errors may show its words.
+    pub(crate) is_quoted: bool,
 }
 
 impl Source {
@@ -22,21 +24,31 @@ impl Source {
     pub(crate) fn read(file: &Path, bytes_max: u64) -> Result<Self, SourceError> {
         let error = |what: String| SourceError::new(file, None, what);
         let unreadable = |e: std::io::Error| error(format!("cannot be read ({e}), expected a readable file"));
-        let metadata = std::fs::metadata(file).map_err(unreadable)?;
-        if !metadata.is_file() {
-            return Err(error("is not a regular file, expected one".into()));
-        }
+        let opened = regular_file::open(file).map_err(|e| match regular_file::is_refused(&e) {
+            true => error(e.to_string()),
+            false => unreadable(e),
+        })?;
         let too_large = |bytes: u64| error(format!("{bytes} bytes are too many, expected at most {bytes_max}"));
-        if metadata.len() > bytes_max {
-            return Err(too_large(metadata.len()));
+        let bytes = opened.metadata().map_err(unreadable)?.len();
+        if bytes > bytes_max {
+            return Err(too_large(bytes));
         }
         let mut bytes = Vec::new();
         // One more than is allowed: the file may grow while it is read.
-        File::open(file).and_then(|f| f.take(bytes_max + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
+        opened.take(bytes_max + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         if bytes.len() as u64 > bytes_max {
             return Err(too_large(bytes.len() as u64));
         }
-        Ok(Self { file: file.to_owned(), bytes })
+        Ok(Self { file: file.to_owned(), bytes, is_quoted: true })
+    }
+
+    /// [`Self::read`] of a file that another file names. Errors say where its mistakes are, and show none of its words:
+    /// the file may be one that the author of the other could not read, and the reader of the error should not.
+    ///
+    /// # Errors
+    /// As of `read`.
+    pub(crate) fn read_unquoted(file: &Path, bytes_max: u64) -> Result<Self, SourceError> {
+        Ok(Self { is_quoted: false, ..Self::read(file, bytes_max)? })
     }
 
     /// An error at a byte of this file. Line and column (in characters) are counted only now.
@@ -53,7 +65,7 @@ impl Source {
 impl Source {
     /// What `file` is named in errors; nothing is read.
     pub(crate) fn from_bytes(file: &str, bytes: impl Into<Vec<u8>>) -> Self {
-        Self { file: PathBuf::from(file), bytes: bytes.into() }
+        Self { file: PathBuf::from(file), bytes: bytes.into(), is_quoted: true }
     }
 }
 

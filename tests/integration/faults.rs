@@ -23,6 +23,7 @@ pub(crate) struct Running {
     pub(crate) manager: Child,
     children: Vec<(String, u32)>,
     pub(crate) out: tempfile::TempDir,
+    stderr: tempfile::NamedTempFile,
 }
 
 impl Running {
@@ -35,11 +36,12 @@ impl Running {
         let out = tempfile::tempdir().expect("temporary folder");
         let mut command = marti();
         command.args(["run", TEAPOT, "--quiet", "--out"]).arg(out.path()).args(options);
-        let stderr = fs::File::create(out.path().join("stderr")).expect("writable folder");
-        let manager = command.stdout(Stdio::null()).stderr(stderr).spawn().expect("marti can be started");
+        let stderr = tempfile::NamedTempFile::new().expect("temporary file");
+        let said = stderr.reopen().expect("our own file");
+        let manager = command.stdout(Stdio::null()).stderr(said).spawn().expect("marti can be started");
         let children = children(manager.id(), 3 + nodes, PATIENCE);
         assert_eq!(children.len(), 3 + nodes, "{children:?}");
-        let running = Self { manager, children, out };
+        let running = Self { manager, children, out, stderr };
         running.wait_for_rows();
         running
     }
@@ -88,7 +90,7 @@ impl Running {
     }
 
     pub(crate) fn stderr(&self) -> String {
-        fs::read_to_string(self.out.path().join("stderr")).unwrap_or_default()
+        fs::read_to_string(self.stderr.path()).unwrap_or_default()
     }
 
     pub(crate) fn report(&self) -> Value {

@@ -9,6 +9,7 @@ mod exports;
 mod faults;
 mod frames;
 mod hosts;
+mod output;
 mod play;
 mod processes;
 mod recording;

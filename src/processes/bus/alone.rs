@@ -13,6 +13,7 @@ use super::memory_loop::Command;
 use super::{BusError, FINISH_DEADLINE, INCIDENTS_MAX, admit, listen, start_loop};
 use crate::ids::Epoch;
 use crate::processes::event_queue::event_queue;
+use crate::processes::folder_claim::{FolderClaim, named};
 use crate::processes::{StartError, token};
 use crate::protocol::connection::Credentials;
 use crate::protocol::control::{BusConfiguration, BusTotals};
@@ -49,7 +50,7 @@ pub fn serve_alone(alone: &Alone) -> Result<BusTotals, BusError> {
     }
     // The schema alone is needed: rows may be damaged.
     let recorded = bus_log::Reader::salvage(&bus_log::folder(&alone.recording))?.metadata().clone();
-    let recording = prepare(alone)?;
+    let (_claim, recording) = prepare(alone)?;
     let configuration =
         BusConfiguration { cluster: recorded.cluster, arbiter: recorded.arbiter, layout: recorded.layout, recording };
     let secret = token::random()?;
@@ -65,26 +66,24 @@ pub fn serve_alone(alone: &Alone) -> Result<BusTotals, BusError> {
     served
 }
 
-/// Makes the folders and takes away the log of an earlier bus; returns the folder of the recording.
-fn prepare(alone: &Alone) -> Result<PathBuf, BusError> {
+/// Claims the folder, and puts the log of an earlier bus aside; returns the folder of the recording.
+fn prepare(alone: &Alone) -> Result<(FolderClaim, PathBuf), BusError> {
+    let mut claim = FolderClaim::take(&alone.out)?;
     let (recording, logs) = (alone.out.join("recording"), alone.out.join("logs"));
+    let source = bus_log::folder(&alone.recording);
+    let real = |folder: &Path| folder.canonicalize().map_err(|error| named(folder, &error));
+    if recording.exists() && real(&source)? == real(&recording)? {
+        return Err(BusError::OutIsRecording(recording));
+    }
+    claim.put_aside("recording")?;
     for folder in [&recording, &logs] {
         fs::create_dir_all(folder).map_err(|error| named(folder, &error))?;
     }
-    let source = bus_log::folder(&alone.recording);
-    let real = |folder: &Path| folder.canonicalize().map_err(|error| named(folder, &error));
-    if real(&source)? == real(&recording)? {
-        return Err(BusError::OutIsRecording(recording));
-    }
-    for name in bus_log::FILE_NAMES {
-        let path = recording.join(name);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(named(&path, &error).into()),
-            _ => {}
-        }
-    }
     telemetry::start(Some(&logs.join("bus.log"))).map_err(StartError::from)?;
-    Ok(recording)
+    if let Some(warning) = claim.warning() {
+        tracing::warn!("{warning}");
+    }
+    Ok((claim, recording))
 }
 
 async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfiguration) -> Result<BusTotals, BusError> {
@@ -122,8 +121,4 @@ fn say(address: SocketAddr) -> io::Result<()> {
     let mut out = io::stdout().lock();
     writeln!(out, "{address}")?;
     out.flush()
-}
-
-fn named(path: &Path, error: &io::Error) -> io::Error {
-    io::Error::new(error.kind(), format!("{}: {error}", path.display()))
 }

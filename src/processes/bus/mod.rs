@@ -18,6 +18,7 @@ pub use self::alone::{Alone, serve_alone};
 use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
 use self::state::{State, initiator};
 use super::bootstrap::{StartError, live};
+use super::folder_claim::ClaimError;
 use super::{Child, ControlLink};
 use crate::ids::Epoch;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
@@ -44,6 +45,8 @@ pub enum BusError {
     Loop(#[from] LoopError),
     #[error(transparent)]
     Read(#[from] ReadError),
+    #[error(transparent)]
+    Folder(#[from] ClaimError),
     #[error("{0} is not an address of this host alone, expected one such as 127.0.0.1:0")]
     NotLoopback(SocketAddr),
     #[error("{} is the recording that is to be served, expected another folder", .0.display())]
@@ -66,7 +69,7 @@ pub fn run(child: &Child) -> Result<(), BusError> {
         let outcome = serve(child, &mut link).await;
         let report = match &outcome {
             Ok(totals) => BusReport::Finished(*totals),
-            Err(error) => BusReport::Incident(error.to_string()),
+            Err(error) => BusReport::Failed(error.to_string()),
         };
         // An error means that the manager is gone: the log has the outcome.
         let _ = link.reports.send(report).await;

@@ -9,7 +9,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::control_port::Connections;
 use super::executables::Executables;
-use super::life::{self, Fate, Link, Order};
+use super::life::{self, Fate, Link, Log, Order};
 use super::places::Places;
 use super::plan::host_of;
 use super::process::ProcessId;
@@ -31,7 +31,8 @@ const CONFIRM_MARGIN: Duration = Duration::from_secs(1);
 pub(super) struct Children {
     pub(super) executables: Executables,
     pub(super) placement: Placement,
-    pub(super) logs: PathBuf,
+    /// The folder of their logs, which moves once.
+    pub(super) logs: watch::Sender<PathBuf>,
     pub(super) token: RunToken,
     /// Of the roles that are started from here; empty: plain TCP.
     pub(super) identities: Vec<Identity>,
@@ -55,7 +56,7 @@ impl Children {
     /// `manager` is where it finds us, if this host is its own.
     pub(super) fn spawn(&mut self, id: ProcessId, manager: SocketAddr) {
         let host = host_of(&self.placement, id.role);
-        let log = self.logs.join(format!("{}.log", id.log_stem()));
+        let log = Log { folder: self.logs.subscribe(), name: format!("{}.log", id.log_stem()) };
         let is_local = host.launch == Launch::Local;
         let bootstrap = Bootstrap {
             role: id.role,
@@ -65,7 +66,8 @@ impl Children {
             identity: self.identities.iter().find(|identity| identity.kind == id.role.kind()).cloned(),
             bind: host.bind,
             advertise: host.advertise.clone(),
-            log: is_local.then(|| log.clone()),
+            // Its standard error is its log.
+            log: None,
             heartbeat_milliseconds: u64::try_from(self.heartbeat.as_millis()).unwrap_or(u64::MAX),
         };
         let (fate, life) = self.fate(id);
@@ -81,7 +83,7 @@ impl Children {
         let program = self.executables.path(id, host.programs.as_deref());
         let command = host.command(&program).unwrap_or_else(|| vec![program]);
         tokio::spawn(async move {
-            let how = match life::start(&command, &bootstrap, &log).await {
+            let how = match life::start(&command, !is_local, &bootstrap, &log).await {
                 Ok(child) if is_local => {
                     let mut fate = fate;
                     life::watch(child, &mut fate, &log).await

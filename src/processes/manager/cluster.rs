@@ -145,6 +145,15 @@ impl State {
         }
     }
 
+    /// A bus that cannot write its recording, as a rule. While the run goes on another one takes its place; at the end of
+    /// the run nobody can write what is missing.
+    pub(super) fn bus_failed(&mut self, id: ProcessId, why: &str) {
+        match self.phase {
+            Phase::Running => self.doom(id, format!("failed: {why}")),
+            Phase::Ending(_) | Phase::Over(_) => self.fail(format!("{id} failed: {why}")),
+        }
+    }
+
     /// Ends what is left of a cluster.
     fn fall(&mut self, id: ClusterId) {
         let cluster = self.cluster(id);

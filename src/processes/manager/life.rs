@@ -1,16 +1,22 @@
 //! From a process's start until it is certainly dead, wherever it runs.
 
-use std::fs::OpenOptions;
+use std::fs::File;
 use std::io;
+use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::process::ExitStatusExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
-use nix::sys::signal::{Signal, kill};
+use nix::errno::Errno;
+use nix::libc::O_NOFOLLOW;
+use nix::sys::prctl::set_pdeathsig;
+use nix::sys::signal::{Signal, kill, killpg};
+use nix::sys::wait::{Id, WaitPidFlag, WaitStatus, waitid};
 use nix::unistd::Pid;
 use tokio::io::AsyncWriteExt;
 use tokio::process::{Child, Command};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
@@ -62,67 +68,140 @@ impl Fate {
     }
 }
 
-/// Starts a program of this machine, or a launcher of another one's, which hands its standard input on. It has a
-/// process group of its own, so that a Ctrl-C in the terminal reaches the manager alone.
-pub(super) async fn start(command: &[String], bootstrap: &Bootstrap, log: &Path) -> io::Result<Child> {
-    // What is printed before the log is open, or by an abort; all that is logged, on another machine.
-    let printed = OpenOptions::new().create(true).append(true).open(log)?;
+/// Where the log of a process is. Its folder moves when the run begins.
+#[derive(Clone, Debug)]
+pub(super) struct Log {
+    pub(super) folder: watch::Receiver<PathBuf>,
+    /// Of the file.
+    pub(super) name: String,
+}
+
+impl Log {
+    fn path(&self) -> PathBuf {
+        self.folder.borrow().join(&self.name)
+    }
+
+    fn open(&self) -> io::Result<File> {
+        let options = File::options().create(true).append(true).custom_flags(O_NOFOLLOW).open(self.path());
+        options.map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", self.path().display())))
+    }
+}
+
+/// A program that was started, and the process group that it leads. Dropping it kills them all.
+#[derive(Debug)]
+pub(super) struct Started {
+    child: Child,
+    group: Pid,
+}
+
+/// Starts a program of this machine, or a launcher of another one's, which hands its standard input on. It leads a
+/// process group, so that a Ctrl-C in the terminal reaches the manager alone, and all that it starts ends with it. What it
+/// prints, its log above all, is appended to the log's file.
+pub(super) async fn start(
+    command: &[String],
+    is_launcher: bool,
+    bootstrap: &Bootstrap,
+    log: &Log,
+) -> io::Result<Started> {
     let (program, arguments) = command.split_first().ok_or_else(|| io::Error::other("an empty command"))?;
-    let mut child = Command::new(program)
+    let mut command = Command::new(program);
+    command
         .args(arguments)
         .env_remove(JOIN_VARIABLE)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
-        .stderr(printed)
+        .stderr(log.open()?)
         .process_group(0)
-        .kill_on_drop(true)
-        .spawn()?;
+        .kill_on_drop(true);
+    if is_launcher {
+        // Processes of ours end by themselves when the manager is killed; a launcher does not notice.
+        // SAFETY: between fork and exec only one system call is made, which allocates nothing.
+        unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
+    }
+    let mut child = command.spawn()?;
+    let group = child.id().and_then(|pid| i32::try_from(pid).ok()).map(Pid::from_raw);
+    let group = group.ok_or_else(|| io::Error::other("it ended while it was started"))?;
     if let Some(mut stdin) = child.stdin.take() {
         let frame = codec::encode(bootstrap, &[]).map_err(io::Error::other)?;
         // A child that does not read it has ended; its status says more. The frame fits the pipe's buffer.
         let _ = stdin.write_all(&frame).await;
     }
-    Ok(child)
+    Ok(Started { child, group })
+}
+
+impl Started {
+    /// Until the leader of the group has ended, and the others with it. May be cancelled.
+    async fn ended(&mut self) -> io::Result<ExitStatus> {
+        let mut deaths = signal(SignalKind::child())?;
+        // The leader is looked at, and not taken off the system's table yet: until then its number, which is the group's,
+        // is given to nobody else.
+        let look = WaitPidFlag::WEXITED | WaitPidFlag::WNOWAIT | WaitPidFlag::WNOHANG;
+        loop {
+            match waitid(Id::Pid(self.group), look) {
+                Ok(WaitStatus::StillAlive) => {
+                    deaths.recv().await;
+                }
+                Err(Errno::EINTR) => {}
+                // An error: the leader is off the table, and its own status says more.
+                _ => break,
+            }
+        }
+        self.kill();
+        self.child.wait().await
+    }
+
+    /// All of the group. An error means that it has just ended.
+    fn kill(&self) {
+        if self.child.id().is_some() {
+            let _ = killpg(self.group, Signal::SIGKILL);
+        }
+    }
+
+    /// The leader alone.
+    fn signal(&self, signal: Signal) {
+        if self.child.id().is_some() {
+            let _ = kill(self.group, signal);
+        }
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        self.kill();
+    }
 }
 
 /// Until a child has ended; how, as the rest of a sentence that begins with the process's name.
-pub(super) async fn watch(mut child: Child, fate: &mut Fate, log: &Path) -> String {
-    let told =
-        |status: io::Result<ExitStatus>| status.map_or_else(|error| error.to_string(), |status| describe(status, log));
+pub(super) async fn watch(mut child: Started, fate: &mut Fate, log: &Log) -> String {
+    let told = |status: io::Result<ExitStatus>| {
+        status.map_or_else(|error| error.to_string(), |status| describe(status, &log.path()))
+    };
     let mut goes_on = None;
     let reason = loop {
         tokio::select! {
-            status = child.wait() => return told(status),
+            status = child.ended() => return told(status),
             order = fate.orders.recv() => match order {
                 Some(Order::Stop(time)) => {
-                    signal(&child, Signal::SIGSTOP);
+                    child.signal(Signal::SIGSTOP);
                     goes_on = goes_on.max(Some(Instant::now() + time));
                 }
                 Some(Order::Die(reason)) => break Some(reason),
                 None => break None,
             },
             () = sleep_until(goes_on.unwrap_or_else(Instant::now)), if goes_on.is_some() => {
-                signal(&child, Signal::SIGCONT);
+                child.signal(Signal::SIGCONT);
                 goes_on = None;
             }
         }
     };
-    // An error means that it has just ended.
-    let _ = child.start_kill();
-    let status = child.wait().await;
+    child.kill();
+    let status = child.ended().await;
     reason.unwrap_or_else(|| told(status))
-}
-
-/// Its number is still its own: nobody has waited for it. An error means that it has just ended.
-fn signal(child: &Child, signal: Signal) {
-    if let Some(pid) = child.id().and_then(|pid| i32::try_from(pid).ok()) {
-        let _ = kill(Pid::from_raw(pid), signal);
-    }
 }
 
 /// [`watch()`] of a launcher, and of the process that it started elsewhere: that one ends by itself when its control
 /// connection does.
-pub(super) async fn watch_elsewhere(child: Child, mut fate: Fate, log: &Path) -> String {
+pub(super) async fn watch_elsewhere(child: Started, mut fate: Fate, log: &Log) -> String {
     let how = watch(child, &mut fate, log).await;
     fate.confirm().await;
     how
@@ -164,6 +243,8 @@ mod tests {
     use tokio::time::Instant;
 
     use super::*;
+    use crate::ids::{Epoch, NodeId};
+    use crate::protocol::hello::{Role, RunToken};
 
     fn fate(now: Link) -> (Fate, mpsc::Sender<Order>, watch::Sender<Link>, Arc<AtomicBool>) {
         let (kill, orders) = mpsc::channel(1);
@@ -194,12 +275,85 @@ mod tests {
         assert!(begin.elapsed() < Duration::from_millis(100) && hung_up.load(Ordering::Relaxed), "nobody to wait for");
     }
 
+    fn log(folder: &Path) -> Log {
+        Log { folder: watch::channel(folder.to_owned()).1, name: "x.log".to_owned() }
+    }
+
+    async fn started(command: &[&str], log: &Log) -> Started {
+        let bootstrap = Bootstrap {
+            role: Role::Node(NodeId(0)),
+            epoch: Epoch(0),
+            token: RunToken::new([7; 32]),
+            manager: ([127, 0, 0, 1], 1).into(),
+            identity: None,
+            bind: None,
+            advertise: None,
+            log: None,
+            heartbeat_milliseconds: 250,
+        };
+        let command: Vec<_> = command.iter().map(|word| (*word).to_owned()).collect();
+        start(&command, true, &bootstrap, log).await.expect("every system has it")
+    }
+
+    /// Whether a process, by the number that it printed to the log, has ended.
+    async fn has_ended(log: &Log) -> bool {
+        let printed = std::fs::read_to_string(log.path()).expect("a log");
+        let pid = Pid::from_raw(printed.trim().parse().expect("a number"));
+        for _ in 0..200 {
+            // One that nobody has waited for yet is a zombie.
+            let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+            if stat.is_empty() || stat.contains(") Z ") {
+                return true;
+            }
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+        let _ = kill(pid, Signal::SIGKILL);
+        false
+    }
+
+    async fn printed(log: &Log) {
+        while std::fs::read_to_string(log.path()).is_ok_and(|text| !text.ends_with('\n')) {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    }
+
+    const PRINTS_ITS_CHILD: &str = "sleep 300 & echo $! >&2;";
+
+    #[tokio::test]
+    async fn what_a_launcher_started_ends_when_the_launcher_is_killed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = log(folder.path());
+        let child = started(&["sh", "-c", &format!("{PRINTS_ITS_CHILD} wait")], &log).await;
+        let (mut one, kill, _told, _) = fate(Link::Awaited);
+        printed(&log).await;
+        kill.try_send(Order::Die("was in the way".to_owned())).expect("awaited");
+        assert_eq!(watch(child, &mut one, &log).await, "was in the way");
+        assert!(has_ended(&log).await);
+    }
+
+    #[tokio::test]
+    async fn what_a_launcher_started_ends_with_the_launcher_and_with_the_manager() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = log(folder.path());
+        let child = started(&["sh", "-c", &format!("{PRINTS_ITS_CHILD} exit 0")], &log).await;
+        let (mut one, _kill, _told, _) = fate(Link::Awaited);
+        assert_eq!(watch(child, &mut one, &log).await, "ended by itself");
+        assert!(has_ended(&log).await);
+
+        std::fs::remove_file(log.path()).expect("there");
+        let child = started(&["sh", "-c", &format!("{PRINTS_ITS_CHILD} wait")], &log).await;
+        printed(&log).await;
+        drop(child);
+        assert!(has_ended(&log).await);
+    }
+
     #[tokio::test]
     async fn a_process_elsewhere_outlives_its_launcher_until_its_connection_ends() {
         let (one, _kill, told, hung_up) = fate(Link::Open);
-        let child = Command::new("true").spawn().expect("every system has it");
-        let log = Path::new("unused");
-        let life = tokio::spawn(async move { watch_elsewhere(child, one, log).await });
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = log(folder.path());
+        let child = started(&["true"], &log).await;
+        let life = tokio::spawn(async move { watch_elsewhere(child, one, &log).await });
         while !hung_up.load(Ordering::Relaxed) {
             tokio::time::sleep(Duration::from_millis(1)).await;
         }

@@ -3,6 +3,7 @@
 //!
 //! `state` decides, `shell` moves messages and processes; `ending` is the way to the end.
 
+mod beginning;
 mod children;
 mod closing;
 mod cluster;
@@ -45,7 +46,7 @@ use sha2::{Digest, Sha256};
 use self::ending::Cause;
 use self::executables::Executables;
 pub use self::executables::MissingExecutable;
-use self::output_folder::OutputFolder;
+use self::output_folder::{Opening, OutputError, OutputFolder};
 use self::plan::Plan;
 use super::event_queue::event_queue;
 use super::health::HealthError;
@@ -58,7 +59,7 @@ use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::mac::MacKey;
-use crate::report::{Report, json};
+use crate::report::{Image, Report, Status, json};
 use crate::telemetry::{self, TelemetryError};
 use crate::topology::{Cluster, MemorySize, Placement, Topology};
 use crate::tracer::{AovSet, Tiling, View};
@@ -74,6 +75,8 @@ pub struct RunRequest {
     pub out: PathBuf,
     /// Whether the tiles in the folder's journal are taken over.
     pub resume: bool,
+    /// Whether the folder may hold what no run wrote.
+    pub force: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
@@ -97,6 +100,7 @@ pub struct RunRequest {
 pub enum Interrupt {
     Sigint,
     Sigterm,
+    Sighup,
 }
 
 impl fmt::Display for Interrupt {
@@ -104,6 +108,7 @@ impl fmt::Display for Interrupt {
         f.write_str(match self {
             Self::Sigint => "SIGINT",
             Self::Sigterm => "SIGTERM",
+            Self::Sighup => "SIGHUP",
         })
     }
 }
@@ -161,6 +166,8 @@ pub enum RunError {
     #[error("{0}")]
     Output(io::Error),
     #[error(transparent)]
+    Folder(#[from] OutputError),
+    #[error(transparent)]
     Telemetry(#[from] TelemetryError),
     #[error("the system has no {what}: {error}")]
     System { what: &'static str, error: String },
@@ -180,6 +187,9 @@ impl RunError {
             | Self::Chaos(_) => true,
             Self::Journal(error) => matches!(error, JournalError::Header { .. }),
             Self::Health(error) => matches!(error, HealthError::NotLoopback(_)),
+            // A folder that another process has may be free the next time.
+            Self::Folder(error) => matches!(error, OutputError::Foreign { .. } | OutputError::NotUnicode(_)),
+            Self::Telemetry(error) => matches!(error, TelemetryError::Filter(_)),
             _ => false,
         }
     }
@@ -190,10 +200,20 @@ pub fn resolved_topology(out: &Path) -> PathBuf {
     out.join(output_folder::TOPOLOGY_NAME)
 }
 
+/// The report in a run's folder, if it says that the run is done, and the image that it is of is there.
+pub fn finished(out: &Path) -> Option<Report> {
+    let report = json::read(&output_folder::report(out)).ok()?;
+    let Image { files, file_sha256, .. } = &report.image;
+    // The folder may have been moved since.
+    let is_there = |file: &PathBuf| file.file_name().is_some_and(|name| out.join(name).is_file());
+    let is_of_this_image = file_sha256.is_some() && *file_sha256 == output_folder::image_sha256(out);
+    (report.status == Status::Done && files.iter().all(is_there) && is_of_this_image).then_some(report)
+}
+
 /// Renders a topology with all its processes; returns when none of them lives any more.
 ///
 /// # Errors
-/// The scene is wrong, the output folder cannot be written, or a process failed that cannot be replaced.
+/// The scene is wrong, the output folder is another's or cannot be written, or a process failed that cannot be replaced.
 pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let start = Instant::now();
     let executables = Executables::beside_this_one()?;
@@ -220,6 +240,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         None => Keys::default(),
     };
     let faults = faults(&request)?;
+    let opening = if request.resume { Opening::Resume } else { Opening::Anew { force: request.force } };
+    let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
     let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
@@ -237,9 +259,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         request.aov
     };
 
-    let prepare = if request.resume { OutputFolder::resume } else { OutputFolder::prepare };
-    let folder = prepare(out, topology).map_err(RunError::Output)?;
-    match telemetry::start(Some(&folder.log("manager"))) {
+    match telemetry::start(Some(&folder.logs().join("manager.log"))) {
         // A second run in one process goes on in the first one's log.
         Err(TelemetryError::Started) => {}
         started => started?,
@@ -271,10 +291,9 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let run = shell::Run {
         start,
         executables,
-        logs: folder.logs(),
         credentials: Credentials { tls, joiners: plan.placement.has_joiners(), ..Credentials::plain(secret) },
         identities,
-        warning,
+        warnings: warning.into_iter().chain(folder.warning()).collect(),
         listen,
         words: Arc::clone(&database.words),
         health: request.health,
@@ -287,7 +306,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let runtime = event_queue().map_err(|error| RunError::System { what: "descriptor", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);
-    let finished = runtime.block_on(run.finish(plan));
+    let finished = runtime.block_on(run.finish(plan, &mut folder));
     if let Some(path) = joiners_token {
         // Nobody can use it any more.
         let _ = std::fs::remove_file(path);
@@ -296,17 +315,30 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     // Whatever still lives is killed with its task.
     drop(runtime);
 
-    let checks = match recorded {
-        Some(seal) => recorded::close(&seal, &state, &folder.recording()).map_err(RunError::Output)?,
-        None => Vec::new(),
+    folder.end().map_err(RunError::Output)?;
+    let (checks, unsealed) = match recorded.map(|seal| recorded::close(&seal, &state, &folder.recording())) {
+        Some(Err(error)) => (Vec::new(), Some(format!("the recording cannot be closed: {error}"))),
+        sealed => (sealed.and_then(Result::ok).unwrap_or_default(), None),
     };
-    let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
-    json::write(&report, &folder.report()).map_err(RunError::Output)?;
-    let end = match (&report.error, state.over()) {
-        (Some(why), _) => RunEnd::Failed(why.clone()),
-        (None, Some(Cause::Interrupted(signal))) => RunEnd::Interrupted(*signal),
-        (None, Some(Cause::Complete)) => RunEnd::Done,
-        (None, _) => RunEnd::TilesMissing,
+    let mut report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
+    report.image.file_sha256 = output_folder::image_sha256(out).filter(|_| !report.image.files.is_empty());
+    if let (None, Some(why)) = (&report.error, unsealed) {
+        (report.status, report.error) = (Status::Failed, Some(why));
+    }
+    let written = json::write(&report, &folder.report());
+    if let Some(why) = &report.error {
+        let report_lacks = written.err().map(|error| format!("; there is no report: {error}"));
+        let place = folder.failed_start().map(|place| {
+            format!("; logs and report are in {}, and what an earlier run left is as it was", place.display())
+        });
+        let why = [Some(why.clone()), report_lacks, place].into_iter().flatten().collect();
+        return Ok(RunOutcome { end: RunEnd::Failed(why), report });
+    }
+    written.map_err(RunError::Output)?;
+    let end = match state.over() {
+        Some(Cause::Complete) => RunEnd::Done,
+        Some(Cause::Interrupted(signal)) => RunEnd::Interrupted(*signal),
+        Some(Cause::Failed(_) | Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
     Ok(RunOutcome { end, report })
 }

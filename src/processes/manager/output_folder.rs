@@ -1,78 +1,199 @@
 //! `--out DIR`: what a run writes, and where.
+//!
+//! The folder is one run's from [`OutputFolder::open`] on. What earlier runs left there stays as it is until
+//! [`OutputFolder::begin`]; until then this run's files are in `starting`.
 
 use std::fs;
-use std::io;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use crate::atomic_file;
-use crate::recording::bus_log;
+use sha2::{Digest, Sha256};
+
+use crate::journal::Journal;
+use crate::processes::folder_claim::{ClaimError, FolderClaim, named};
+use crate::report::json;
 use crate::topology::Topology;
+use crate::{atomic_file, regular_file};
 
 /// The resolved topology.
 pub(super) const TOPOLOGY_NAME: &str = "topology.toml";
+/// How a resolved topology begins: by it the folder of a run is known.
+const RESOLVED: &str = "# Resolved by marti run\n";
+const STARTING: &str = "starting";
+const JOURNAL_NAME: &str = "tiles";
+const REPORT_NAME: &str = "report.json";
+const TOKEN_NAME: &str = "join.token";
+/// What a run writes, besides the journal.
+const RESULTS: [&str; 9] = [
+    "image.png",
+    "image.t.npy",
+    "image.n.npy",
+    "image.prim.npy",
+    "image.exr",
+    REPORT_NAME,
+    TOPOLOGY_NAME,
+    "recording",
+    "logs",
+];
 
 /// The display's journal.
 pub(super) fn journal(out: &Path) -> PathBuf {
-    out.join("tiles")
+    out.join(JOURNAL_NAME)
+}
+
+/// The report of a run that has ended.
+pub(super) fn report(out: &Path) -> PathBuf {
+    out.join(REPORT_NAME)
+}
+
+/// SHA-256 of the image file, in hexadecimal; `None` where there is none.
+pub(super) fn image_sha256(out: &Path) -> Option<String> {
+    let mut file = regular_file::open(&out.join("image.png")).ok()?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).ok()? {
+            0 => break,
+            bytes => hash.update(&buffer[..bytes]),
+        }
+    }
+    Some(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// What is to become of what the folder holds.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Opening {
+    /// It is put aside; without `force` nothing may be there that no run wrote.
+    Anew { force: bool },
+    /// The same, but for the journal.
+    Resume,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
+    #[error("{}: holds {entry}, and nothing that says that a run wrote it: expected another folder, or --force", root.display())]
+    Foreign { root: PathBuf, entry: String },
+    #[error("{}: is not UTF-8, expected a name that is", .0.display())]
+    NotUnicode(PathBuf),
+}
+
+impl From<io::Error> for OutputError {
+    fn from(error: io::Error) -> Self {
+        Self::Claim(error.into())
+    }
 }
 
 #[derive(Debug)]
 pub(super) struct OutputFolder {
     root: PathBuf,
+    claim: FolderClaim,
+    keeps_journal: bool,
+    stage: Stage,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Stage {
+    /// Nothing is worth keeping yet.
+    Starting,
+    Begun,
+    /// It came to its end before it had begun.
+    Failed,
 }
 
 impl OutputFolder {
-    /// Makes the folder, takes away what an earlier run wrote there (and nothing else), and writes the resolved
-    /// topology.
+    /// Makes the folder if need be, locks it, and prepares `starting`.
     ///
     /// # Errors
-    /// Something cannot be made, removed or written; the error names it.
-    pub(super) fn prepare(root: &Path, topology: &Topology) -> io::Result<Self> {
-        let folder = Self { root: root.to_owned() };
-        folder.make()?;
-        let mut recordings = vec![folder.recording()];
-        recordings
-            .extend(bus_log::inner_folders(&folder.recording()).map_err(|error| named(&folder.recording(), &error))?);
-        recordings.iter().try_for_each(|recording| remove(recording, is_ours_in_recording))?;
-        remove(&folder.logs(), |name| name.ends_with(".log"))?;
-        remove(&folder.root, is_ours_in_root)?;
-        folder.write_topology(topology)?;
+    /// Another process writes into it, no run wrote what it holds, or something cannot be made; the error names it.
+    pub(super) fn open(root: &Path, topology: &Topology, opening: Opening) -> Result<Self, OutputError> {
+        if root.to_str().is_none() {
+            return Err(OutputError::NotUnicode(root.to_owned()));
+        }
+        let claim = FolderClaim::take(root)?;
+        if opening != (Opening::Anew { force: true })
+            && let Some(entry) = foreign_entry(root)?
+        {
+            return Err(OutputError::Foreign { root: root.to_owned(), entry });
+        }
+        let keeps_journal = opening == Opening::Resume;
+        let mut folder = Self { root: root.to_owned(), claim, keeps_journal, stage: Stage::Starting };
+        // Of a run that was killed before it had begun.
+        folder.claim.put_aside(STARTING)?;
+        make(&folder.starting())?;
+        let toml = topology.to_toml().map_err(io::Error::other)?;
+        atomic_file::write(&folder.starting().join(TOPOLOGY_NAME), |file| {
+            file.write_all(RESOLVED.as_bytes())?;
+            file.write_all(toml.as_bytes())
+        })?;
+        make(&folder.logs())?;
         Ok(folder)
     }
 
-    /// Puts recording, logs and report of an earlier run aside, into `earlier/1` or the next number that is free, and
-    /// leaves its journal.
+    /// Puts aside what an earlier run wrote, into `earlier/N`, and moves `starting` to its place. Log files that are open
+    /// stay open.
     ///
     /// # Errors
-    /// As [`Self::prepare`]'s.
-    pub(super) fn resume(root: &Path, topology: &Topology) -> io::Result<Self> {
-        let folder = Self { root: root.to_owned() };
-        let aside = |number: u32| folder.root.join("earlier").join(number.to_string());
-        // Each number stands for a run.
-        let aside = (1..=u32::MAX).map(aside).find(|path| !path.exists()).unwrap_or_else(|| aside(u32::MAX));
-        fs::create_dir_all(&aside).map_err(|error| named(&aside, &error))?;
-        for path in [folder.recording(), folder.logs(), folder.report()] {
-            let to = aside.join(path.file_name().unwrap_or_default());
-            match fs::rename(&path, &to) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(named(&path, &error)),
-                _ => {}
+    /// Something cannot be moved; the error names it.
+    pub(super) fn begin(&mut self) -> io::Result<()> {
+        for name in self.results() {
+            self.claim.put_aside(name)?;
+        }
+        for entry in fs::read_dir(&self.root).map_err(|error| named(&self.root, &error))? {
+            let entry = entry.map_err(|error| named(&self.root, &error))?;
+            let name = entry.file_name();
+            let unfinished = name.to_str().and_then(atomic_file::unfinished);
+            if unfinished.is_some_and(|name| name == TOKEN_NAME || RESULTS.contains(&name)) {
+                fs::remove_file(entry.path()).map_err(|error| named(&entry.path(), &error))?;
             }
         }
-        folder.make()?;
-        folder.write_topology(topology)?;
-        Ok(folder)
-    }
-
-    fn make(&self) -> io::Result<()> {
-        for path in [self.root.clone(), self.recording(), self.logs()] {
-            fs::create_dir_all(&path).map_err(|error| named(&path, &error))?;
+        make(&self.recording())?;
+        let starting = self.starting();
+        for name in ["logs", TOPOLOGY_NAME] {
+            let path = starting.join(name);
+            fs::rename(&path, self.root.join(name)).map_err(|error| named(&path, &error))?;
         }
+        fs::remove_dir_all(&starting).map_err(|error| named(&starting, &error))?;
+        self.stage = Stage::Begun;
         Ok(())
     }
 
-    fn write_topology(&self, topology: &Topology) -> io::Result<()> {
-        let toml = topology.to_toml().map_err(io::Error::other)?;
-        atomic_file::write(&self.root.join(TOPOLOGY_NAME), |file| io::Write::write_all(file, toml.as_bytes()))
+    /// The run is over, and says so in its report. If it had not begun, and nothing of an earlier run is in its way, that
+    /// is made up for.
+    ///
+    /// # Errors
+    /// As [`Self::begin`]'s.
+    pub(super) fn end(&mut self) -> io::Result<()> {
+        if self.stage == Stage::Begun {
+            return Ok(());
+        }
+        self.stage = Stage::Failed;
+        let is_there = |name: &&str| fs::symlink_metadata(self.root.join(name)).is_ok();
+        if self.results().any(|name| is_there(&name)) { Ok(()) } else { self.begin() }
+    }
+
+    /// Where to look for what a run left that came to its end before it had begun.
+    pub(super) fn failed_start(&self) -> Option<PathBuf> {
+        (self.stage == Stage::Failed).then(|| self.starting())
+    }
+
+    /// That the folder could not be locked, if so.
+    pub(super) fn warning(&self) -> Option<String> {
+        self.claim.warning()
+    }
+
+    fn results(&self) -> impl Iterator<Item = &'static str> + use<> {
+        RESULTS.into_iter().chain((!self.keeps_journal).then_some(JOURNAL_NAME))
+    }
+
+    fn starting(&self) -> PathBuf {
+        self.root.join(STARTING)
+    }
+
+    /// Where logs and report are.
+    fn place(&self) -> PathBuf {
+        if self.stage == Stage::Begun { self.root.clone() } else { self.starting() }
     }
 
     pub(super) fn image(&self) -> PathBuf {
@@ -80,12 +201,12 @@ impl OutputFolder {
     }
 
     pub(super) fn report(&self) -> PathBuf {
-        self.root.join("report.json")
+        report(&self.place())
     }
 
     /// What a process needs to join without keys: the run's token, for its owner alone.
     pub(super) fn join_token(&self) -> PathBuf {
-        self.root.join("join.token")
+        self.root.join(TOKEN_NAME)
     }
 
     pub(super) fn recording(&self) -> PathBuf {
@@ -93,76 +214,104 @@ impl OutputFolder {
     }
 
     pub(super) fn logs(&self) -> PathBuf {
-        self.root.join("logs")
-    }
-
-    pub(super) fn log(&self, process: &str) -> PathBuf {
-        self.logs().join(format!("{process}.log"))
+        self.place().join("logs")
     }
 }
 
-fn is_ours_in_recording(name: &str) -> bool {
-    ["bus.", "references", "octree-levels."].iter().any(|ours| name.starts_with(ours))
-}
-
-/// Image files, the report, the topology, the journal, and parts of them that were cut short.
-fn is_ours_in_root(name: &str) -> bool {
-    let name = name.strip_suffix(".part").unwrap_or(name);
-    let image = ["png", "t.npy", "n.npy", "prim.npy", "exr"];
-    let is_image = name.strip_prefix("image.").is_some_and(|extension| image.contains(&extension));
-    is_image || ["report.json", "tiles", "join.token", TOPOLOGY_NAME].contains(&name)
-}
-
-fn remove(folder: &Path, is_ours: fn(&str) -> bool) -> io::Result<()> {
-    for entry in fs::read_dir(folder).map_err(|error| named(folder, &error))? {
-        let path = entry.map_err(|error| named(folder, &error))?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if is_ours(&name) && path.is_file() {
-            fs::remove_file(&path).map_err(|error| named(&path, &error))?;
+/// A run that was refused leaves nothing behind.
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        if self.stage == Stage::Starting {
+            // Neither error can be helped; the next run puts aside what is left.
+            let _ = fs::remove_dir_all(self.starting());
+            self.claim.withdraw();
         }
     }
-    Ok(())
 }
 
-fn named(path: &Path, error: &io::Error) -> io::Error {
-    io::Error::new(error.kind(), format!("{}: {error}", path.display()))
+fn make(folder: &Path) -> io::Result<()> {
+    fs::create_dir_all(folder).map_err(|error| named(folder, &error))
+}
+
+/// The name of something in the folder, unless a run wrote into it or it is empty.
+fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
+    let is_resolved = |folder: &Path| {
+        let mut begin = vec![0; RESOLVED.len()];
+        let read = regular_file::open(&folder.join(TOPOLOGY_NAME)).and_then(|mut file| file.read_exact(&mut begin));
+        read.is_ok() && begin == RESOLVED.as_bytes()
+    };
+    if is_resolved(root)
+        || is_resolved(&root.join(STARTING))
+        || Journal::planes(&journal(root)).is_some()
+        || json::is_report(&report(root))
+    {
+        return Ok(None);
+    }
+    for entry in fs::read_dir(root).map_err(|error| named(root, &error))? {
+        let name = entry.map_err(|error| named(root, &error))?.file_name().to_string_lossy().into_owned();
+        // A run may have been killed when it had made no more than that.
+        if name != STARTING {
+            return Ok(Some(name));
+        }
+    }
+    Ok(None)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::sample;
 
-    #[test]
-    fn an_earlier_runs_files_go_and_others_stay() {
-        let folder = tempfile::tempdir().expect("temporary folder");
-        let path = |name: &str| folder.path().join(name);
-        fs::create_dir_all(path("logs")).expect("writable folder");
-        fs::create_dir_all(path("recording/cluster-1/epoch-2")).expect("writable folder");
-        let inner = "recording/cluster-1/epoch-2/bus.arrows";
-        let stale = ["image.png", "image.prim.npy", "report.json", "report.json.part", "tiles", "logs/bus.log", inner];
-        let others = ["notes.txt", "image.jpg", "my-image.png", "logs/notes.txt"];
-        for name in stale.into_iter().chain(others) {
-            fs::write(path(name), "x").expect("writable folder");
-        }
-        let topology = Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project");
-        OutputFolder::prepare(folder.path(), &topology).expect("writable folder");
-        assert_eq!(stale.map(|name| path(name).exists()), [false; 7]);
-        assert_eq!(others.map(|name| path(name).exists()), [true; 4]);
-        let written = Topology::read(&path("topology.toml"), &[]).expect("reads back");
-        assert_eq!(written.cluster, topology.cluster);
+    fn topology() -> Topology {
+        Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project")
+    }
+
+    const ANEW: Opening = Opening::Anew { force: false };
+
+    fn begun(root: &Path, opening: Opening) -> OutputFolder {
+        let mut folder = OutputFolder::open(root, &topology(), opening).expect("writable folder");
+        folder.begin().expect("writable folder");
+        folder
     }
 
     #[test]
-    fn what_an_interrupted_run_recorded_is_put_aside_and_its_journal_stays() {
+    fn what_an_earlier_run_wrote_stays_until_the_next_one_begins_and_is_put_aside_then() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = |name: &str| folder.path().join(name);
-        let topology = Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project");
-        OutputFolder::prepare(folder.path(), &topology).expect("writable folder");
+        drop(begun(folder.path(), ANEW));
+        assert!(!path("earlier").exists(), "nothing was there");
+        let inner = "recording/cluster-1/epoch-2/bus.arrows";
+        fs::create_dir_all(path("recording/cluster-1/epoch-2")).expect("writable folder");
+        let stale = ["image.png", "image.prim.npy", "report.json", "tiles", "logs/bus.log", inner];
+        let others = ["notes.txt", "image.jpg", "my-image.png"];
+        let part = "report.json.aB3dEf.part";
+        for name in stale.into_iter().chain(others).chain([part]) {
+            fs::write(path(name), name).expect("writable folder");
+        }
+        let mut next = OutputFolder::open(folder.path(), &topology(), ANEW).expect("writable folder");
+        fs::write(next.logs().join("manager.log"), "new").expect("writable folder");
+        assert!(stale.iter().chain(&others).all(|name| path(name).exists()), "not begun");
+        next.begin().expect("writable folder");
+        for name in stale {
+            assert!(!path(name).exists(), "{name}");
+            assert_eq!(fs::read_to_string(path("earlier/1").join(name)).expect("put aside"), name);
+        }
+        assert!(others.iter().all(|name| path(name).exists()) && !path(part).exists() && !path(STARTING).exists());
+        assert_eq!(fs::read_to_string(path("logs/manager.log")).expect("moved"), "new");
+        let written = Topology::read(&path("topology.toml"), &[]).expect("reads back");
+        assert_eq!(written.cluster, topology().cluster);
+    }
+
+    #[test]
+    fn a_run_that_is_resumed_keeps_its_journal() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        drop(begun(folder.path(), ANEW));
         for number in 1..3 {
             for name in ["recording/bus.arrows", "logs/bus.log", "tiles"] {
                 fs::write(path(name), number.to_string()).expect("writable folder");
             }
-            OutputFolder::resume(folder.path(), &topology).expect("writable folder");
+            drop(begun(folder.path(), Opening::Resume));
             for name in ["recording/bus.arrows", "logs/bus.log"] {
                 assert!(!path(name).exists());
                 let aside = fs::read_to_string(path(&format!("earlier/{number}/{name}"))).expect("put aside");
@@ -173,12 +322,66 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_named() {
+    fn a_folder_that_no_run_wrote_is_refused_and_not_touched_unless_by_force() {
         let folder = tempfile::tempdir().expect("temporary folder");
-        let file = folder.path().join("file");
-        fs::write(&file, "x").expect("writable folder");
-        let topology = Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project");
-        let error = OutputFolder::prepare(&file.join("out"), &topology).expect_err("below a file");
-        assert!(error.to_string().contains("file/out"), "{error}");
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("report.json"), r#"{"name": "of somebody else"}"#).expect("writable folder");
+        for opening in [ANEW, Opening::Resume] {
+            let refused = OutputFolder::open(folder.path(), &topology(), opening).expect_err("foreign").to_string();
+            assert!(refused.contains("holds report.json, and nothing that says that a run wrote it"), "{refused}");
+            assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+        }
+        drop(begun(folder.path(), Opening::Anew { force: true }));
+        assert!(path("earlier/1/report.json").exists());
+    }
+
+    #[test]
+    fn the_folder_of_a_run_is_known_by_its_report_its_journal_or_its_topology() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("notes.txt"), "").expect("writable folder");
+        assert!(OutputFolder::open(folder.path(), &topology(), ANEW).is_err());
+        json::write(&sample::report(), &path("report.json")).expect("writable folder");
+        drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("a report"));
+        fs::remove_file(path("report.json")).expect("there");
+        fs::write(path("topology.toml"), RESOLVED).expect("writable folder");
+        drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("a topology"));
+        fs::write(path("topology.toml"), "[scene]\nprocedural = \"teapot\"").expect("writable folder");
+        assert!(OutputFolder::open(folder.path(), &topology(), ANEW).is_err(), "a person wrote it");
+    }
+
+    #[test]
+    fn a_run_that_is_killed_at_any_step_leaves_a_folder_that_the_next_one_takes() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir(path(STARTING)).expect("writable folder");
+        drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("an empty start"));
+        std::mem::forget(OutputFolder::open(folder.path(), &topology(), ANEW).expect("nothing"));
+        // The lock is still held by what was forgotten: another name of the same bytes.
+        let copy = tempfile::tempdir().expect("temporary folder");
+        fs::rename(path(STARTING), copy.path().join(STARTING)).expect("writable folder");
+        fs::write(copy.path().join("notes.txt"), "").expect("writable folder");
+        let next = begun(copy.path(), ANEW);
+        assert!(copy.path().join("earlier/1/starting/topology.toml").exists());
+        assert_eq!(next.failed_start(), None);
+    }
+
+    #[test]
+    fn a_run_that_was_refused_leaves_nothing_and_one_that_failed_its_report() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let root = folder.path().join("a/b");
+        drop(OutputFolder::open(&root, &topology(), ANEW).expect("writable folder"));
+        assert!(!folder.path().join("a").exists());
+        // Nothing is in the way.
+        let mut first = OutputFolder::open(&root, &topology(), ANEW).expect("writable folder");
+        first.end().expect("writable folder");
+        assert_eq!((first.failed_start(), first.report()), (None, root.join("report.json")));
+        drop(first);
+        let mut second = OutputFolder::open(&root, &topology(), ANEW).expect("writable folder");
+        second.end().expect("writable folder");
+        assert_eq!(second.report(), root.join("starting/report.json"));
+        assert_eq!(second.failed_start(), Some(root.join(STARTING)));
+        drop(second);
+        assert!(root.join("starting/topology.toml").exists());
     }
 }

@@ -35,6 +35,12 @@ impl ProcessTable {
         self.processes.iter().filter(|process| process.id.node().is_some())
     }
 
+    /// No deadline of those who are connected and wait begins before now.
+    pub(super) fn excuse_connected(&mut self, now: Duration) {
+        let waiting = self.processes.iter_mut().filter(|process| process.stage == Stage::Connected);
+        waiting.for_each(|process| process.since = now);
+    }
+
     /// Who has missed a deadline, and which; each as the rest of a sentence that begins with its name.
     pub(super) fn overdue(&self, now: Duration, deadlines: &Deadlines) -> Vec<(ProcessId, String)> {
         let alive = self.processes.iter().filter(|process| process.doom.is_none());

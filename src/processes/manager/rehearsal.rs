@@ -63,7 +63,11 @@ impl Rehearsal {
     }
 
     pub(in crate::processes) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
-        self.state.handle(now, event)
+        let mut actions = self.state.handle(now, event);
+        if actions.contains(&Action::Begin) {
+            actions.extend(self.state.handle(now, Event::Begun(Ok(()))));
+        }
+        actions
     }
 
     /// Tiles not done yet.

@@ -2,13 +2,17 @@
 
 use std::collections::HashMap;
 use std::io;
+use std::mem::MaybeUninit;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::ptr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use nix::errno::Errno;
+use nix::libc;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::children::{Children, HEARTBEATS};
@@ -16,6 +20,7 @@ use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::executables::Executables;
 use super::metrics;
+use super::output_folder::OutputFolder;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::reach;
@@ -41,12 +46,10 @@ const EVENTS_MAX: usize = 1024;
 pub(super) struct Run {
     pub(super) start: Instant,
     pub(super) executables: Executables,
-    /// The folder of the logs.
-    pub(super) logs: PathBuf,
     pub(super) credentials: Credentials,
     pub(super) identities: Vec<Identity>,
     /// Said loudly, and in the report.
-    pub(super) warning: Option<String>,
+    pub(super) warnings: Vec<String>,
     /// The database image.
     pub(super) words: Arc<Vec<u32>>,
     /// Where the manager listens.
@@ -86,11 +89,16 @@ impl Run {
     ///
     /// # Errors
     /// The system has no port or no signals.
-    pub(super) async fn finish(self, plan: Plan) -> Result<(State, Option<Chaos>), RunError> {
+    pub(super) async fn finish(
+        self,
+        plan: Plan,
+        folder: &mut OutputFolder,
+    ) -> Result<(State, Option<Chaos>), RunError> {
         let system = |what, error: std::io::Error| RunError::System { what, error: error.to_string() };
         let (sender, mut events) = mpsc::channel(EVENTS_MAX);
         let mut interrupt = signal(SignalKind::interrupt()).map_err(|error| system("signals", error))?;
         let mut terminate = signal(SignalKind::terminate()).map_err(|error| system("signals", error))?;
+        let mut hang_up = hang_up().map_err(|error| system("signals", error))?;
         let heartbeat = plan.run.deadlines.heartbeat / HEARTBEATS;
         let port =
             ControlPort::bind(self.listen, self.credentials.clone(), &plan.placement, heartbeat, sender.clone()).await;
@@ -104,9 +112,9 @@ impl Run {
             Some(address) => Some(health::serve(address).await?),
             None => None,
         };
-        let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, sender);
+        let mut shell = Shell::new(&self, &plan, heartbeat, port, advertised, (folder.logs(), sender));
         let (mut state, actions) = State::start(plan);
-        if let Some(warning) = &self.warning {
+        for warning in &self.warnings {
             reach::warn(warning);
             state.ledger.incident(Duration::ZERO, warning.clone());
         }
@@ -118,6 +126,7 @@ impl Run {
             let event = tokio::select! {
                 Some(()) = arrived(&mut interrupt) => Event::Signal(Interrupt::Sigint),
                 Some(()) = arrived(&mut terminate) => Event::Signal(Interrupt::Sigterm),
+                Some(()) = hung_up(&mut hang_up) => Event::Signal(Interrupt::Sighup),
                 Some(event) = events.recv() => event,
                 event = shell.port.arrival() => event,
                 _ = tick.tick() => {
@@ -134,7 +143,14 @@ impl Run {
             shell.note(&event);
             shell.disturbance.observe(&event);
             let actions = state.handle(shell.start.elapsed(), event);
+            let is_to_begin = actions.contains(&Action::Begin);
             shell.act(actions);
+            if is_to_begin {
+                let begun = folder.begin().map_err(|error| error.to_string());
+                shell.children.logs.send_replace(folder.logs());
+                let actions = state.handle(shell.start.elapsed(), Event::Begun(begun));
+                shell.act(actions);
+            }
             shell.disturb(&mut state);
         }
         shell.port.places().close().await;
@@ -152,6 +168,24 @@ async fn arrived(signal: &mut Signal) -> Option<()> {
     signal.recv().await
 }
 
+/// The end of the terminal, unless this process was started to outlive it (`nohup`).
+fn hang_up() -> io::Result<Option<Signal>> {
+    Ok(if is_ignored(libc::SIGHUP)? { None } else { Some(signal(SignalKind::hangup())?) })
+}
+
+fn is_ignored(signal: libc::c_int) -> io::Result<bool> {
+    let mut found = MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: no new action is given; the present one is written to memory that is ours, of its type.
+    let outcome = unsafe { libc::sigaction(signal, ptr::null(), found.as_mut_ptr()) };
+    Errno::result(outcome)?;
+    // SAFETY: the call succeeded, and all zeros are an action too.
+    Ok(unsafe { found.assume_init() }.sa_sigaction == libc::SIG_IGN)
+}
+
+async fn hung_up(signal: &mut Option<Signal>) -> Option<()> {
+    signal.as_mut()?.recv().await
+}
+
 impl Shell {
     fn new(
         run: &Run,
@@ -159,12 +193,12 @@ impl Shell {
         heartbeat: Duration,
         port: ControlPort,
         advertised: SocketAddr,
-        events: mpsc::Sender<Event>,
+        (logs, events): (PathBuf, mpsc::Sender<Event>),
     ) -> Self {
         let deadlines = plan.run.deadlines;
         let children = Children {
             executables: run.executables.clone(),
-            logs: run.logs.clone(),
+            logs: watch::Sender::new(logs),
             token: run.credentials.token,
             identities: run.identities.clone(),
             placement: plan.placement.clone(),
@@ -210,6 +244,8 @@ impl Shell {
                 }
                 Action::HangUp(id) => self.port.hang_up(id),
                 Action::Kill(id) => self.children.kill(id),
+                // The answer is an event, and comes after all of these.
+                Action::Begin => {}
                 Action::Upload(bus, address) => {
                     let address = self.disturbance.route(Role::Manager, bus.role, address);
                     self.upload(bus, address);

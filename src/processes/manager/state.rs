@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::Interrupt;
+use super::beginning::Beginning;
 use super::cluster::{Cluster, Place};
 use super::display_place::DisplayPlace;
 use super::ending::{Cause, Ending};
@@ -42,6 +43,8 @@ pub(in crate::processes) enum Event {
     /// This bus has the database.
     Uploaded(ProcessId),
     UploadFailed(ProcessId, String),
+    /// What [`Action::Begin`] came to, or why it cannot be done.
+    Begun(Result<(), String>),
     /// Somebody was not let in at the manager's port.
     Refused(String),
     Signal(Interrupt),
@@ -50,6 +53,8 @@ pub(in crate::processes) enum Event {
 
 #[derive(Clone, PartialEq, Debug)]
 pub(in crate::processes) enum Action {
+    /// Put aside what an earlier run left: this one begins in earnest. [`Event::Begun`] is the answer.
+    Begin,
     Spawn(ProcessId),
     Tell(ProcessId, Command),
     /// End the control connection.
@@ -70,6 +75,7 @@ pub(super) enum Phase {
 pub(super) struct State {
     pub(super) plan: Plan,
     pub(super) phase: Phase,
+    pub(super) beginning: Beginning,
     pub(super) table: ProcessTable,
     pub(super) queue: JobQueue,
     pub(super) ledger: Ledger,
@@ -95,6 +101,7 @@ impl State {
             display: DisplayPlace::default(),
             plan,
             phase: Phase::Running,
+            beginning: Beginning::default(),
             table: ProcessTable::default(),
             now: Duration::ZERO,
             actions: Vec::new(),
@@ -115,6 +122,7 @@ impl State {
             Event::Exited(id, how) => self.exited(id, how),
             Event::Uploaded(bus) => self.uploaded(bus),
             Event::UploadFailed(bus, why) => self.doom(bus, format!("did not take the database: {why}")),
+            Event::Begun(outcome) => self.begun(outcome),
             Event::Refused(who) => self.ledger.incident(now, who),
             Event::Signal(signal) => self.interrupt(signal),
             Event::Tick => self.tick(),
@@ -137,8 +145,7 @@ impl State {
         process.enter(Stage::Connected, now);
         process.last_sign = now;
         match id.role {
-            Role::Bus(cluster) => self.tell(id, Command::Bus(self.plan.configure_bus(cluster, id.epoch))),
-            Role::Display => self.tell(id, Command::Display(self.plan.configure_display(id.epoch))),
+            Role::Bus(_) | Role::Display => self.configure_writer(id),
             Role::Master(cluster) => self.configure_master(id, cluster),
             Role::Node(_) => self.configure_nodes(),
             Role::Manager => {}
@@ -180,6 +187,7 @@ impl State {
         let Role::Bus(cluster) = id.role else { return };
         match report {
             BusReport::Heartbeat | BusReport::Incident(_) => {}
+            BusReport::Failed(why) => self.bus_failed(id, &why),
             BusReport::Listening(address) => self.bus_listens(id, cluster, address),
             BusReport::Finished(totals) => {
                 self.enter(id, Stage::Finished);
@@ -332,6 +340,7 @@ impl State {
 
     /// What became possible by the event.
     fn advance(&mut self) {
+        self.begin_when_possible();
         if matches!(self.phase, Phase::Running) && self.display.address.is_some() {
             self.hand_out();
             if self.queue.missing() > 0 {
@@ -381,6 +390,7 @@ impl State {
     }
 
     fn tick(&mut self) {
+        self.wait_for_beginning();
         for (id, why) in self.table.overdue(self.now, &self.plan.run.deadlines) {
             self.doom(id, why);
         }

@@ -88,7 +88,11 @@ impl Stage {
 
     pub(super) fn happens(&mut self, event: Event) -> Vec<Action> {
         self.now += Duration::from_millis(1);
-        self.state.handle(self.now, event)
+        let mut actions = self.state.handle(self.now, event);
+        if actions.contains(&Action::Begin) {
+            actions.extend(self.state.handle(self.now, Event::Begun(Ok(()))));
+        }
+        actions
     }
 
     fn bus(&mut self, report: BusReport) -> Vec<Action> {

@@ -153,6 +153,8 @@ impl<'a> World<'a> {
                     }
                 }
                 Action::Kill(id) => self.kill(id),
+                // There are no files.
+                Action::Begin => {}
                 Action::Upload(id, address) => {
                     let deadline = self.schedule.play.run.deadlines.startup;
                     let wire = self.network.dial(MANAGER, MYSELF, address, deadline);

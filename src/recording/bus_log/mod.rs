@@ -14,5 +14,5 @@ mod damage_tests;
 
 pub use format::{FORMAT_VERSION, Metadata};
 pub use reader::{ReadError, Reader, Usable};
-pub use row_stream::{FILE_NAME, FILE_NAMES, SIDECAR_NAME, Sidecar, folder, folder_of, inner_folders};
+pub use row_stream::{FILE_NAME, SIDECAR_NAME, Sidecar, folder, folder_of};
 pub use writer::{RecordingError, Summary, Writer};

@@ -1,8 +1,8 @@
 //! Reads a bus log back, batch by batch, in memory that does not grow with it.
 
 use std::fmt;
-use std::fs::{self, File};
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::format::{FORMAT_VERSION, Format, Metadata};
@@ -12,6 +12,7 @@ use super::writer::BATCH_ROWS;
 use crate::machine::transaction::Transaction;
 use crate::recording::batches::{BatchError, BatchLimits, Batches};
 use crate::recording::frames::{FrameLimits, ReadAt};
+use crate::regular_file;
 
 /// A row takes some 70 bytes.
 pub(super) const LIMITS: BatchLimits =
@@ -99,7 +100,7 @@ impl Reader {
     /// There is no log, or its schema is not that of one.
     pub fn salvage(folder: &Path) -> Result<Self, ReadError> {
         let path = found(folder);
-        let file = File::open(&path).map_err(|error| unusable(&path, error.to_string()))?;
+        let file = regular_file::open(&path).map_err(|error| unusable(&path, error.to_string()))?;
         let of_batch = |error| ReadError::new(&path, error, 0);
         let batches = Batches::open(file, LIMITS, &Format::columns()).map_err(of_batch)?;
         let metadata = Metadata::parse(|key| batches.schema().metadata().get(key).map(String::as_str));
@@ -240,7 +241,7 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
             "{SIDECAR_NAME}: expected format version {FORMAT_VERSION} and complete, found {version} and {complete}"
         )));
     }
-    let file = File::open(&path).map_err(|error| lost(error.to_string()))?;
+    let file = regular_file::open(&path).map_err(|error| lost(error.to_string()))?;
     let bytes = ReadAt::bytes(&file).map_err(|error| lost(error.to_string()))?;
     if bytes != sidecar.bytes {
         let what = format!("{SIDECAR_NAME} says {} bytes, the file has {bytes}", sidecar.bytes);
@@ -257,11 +258,14 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
 }
 
 fn read_short(path: &Path) -> io::Result<Vec<u8>> {
-    let bytes = fs::metadata(path)?.len();
+    let file = regular_file::open(path)?;
+    let bytes = file.metadata()?.len();
     if bytes > SIDECAR_BYTES_MAX {
         return Err(io::Error::other(format!("expected at most {SIDECAR_BYTES_MAX} bytes, found {bytes}")));
     }
-    fs::read(path)
+    let mut read = Vec::new();
+    file.take(SIDECAR_BYTES_MAX).read_to_end(&mut read)?;
+    Ok(read)
 }
 
 /// Of so many bytes, in pieces.

@@ -12,13 +12,12 @@ use super::format::{FORMAT_VERSION, Format, Metadata};
 use super::writer::RecordingError;
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
+use crate::{atomic_file, regular_file};
 
 /// The recording's name once it is whole.
 pub const FILE_NAME: &str = "bus.arrows";
 /// The sidecar's name.
 pub const SIDECAR_NAME: &str = "bus.json";
-/// All that may stand in its folder: whole, on its way, and the sidecar.
-pub const FILE_NAMES: [&str; 3] = [FILE_NAME, "bus.arrows.partial", SIDECAR_NAME];
 
 /// Where the log of a run is: `recording` in the run's folder, or that folder itself.
 pub fn folder(of: &Path) -> PathBuf {
@@ -37,32 +36,6 @@ pub fn folder_of(recording: &Path, cluster: ClusterId, epoch: Epoch) -> PathBuf 
         folder.push(format!("epoch-{}", epoch.0));
     }
     folder
-}
-
-/// The folders below that of a recording in which [`folder_of`] puts logs, as far as they are there.
-///
-/// # Errors
-/// A folder cannot be listed.
-pub fn inner_folders(recording: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    let mut next = vec![recording.to_owned()];
-    while let Some(folder) = next.pop() {
-        for entry in fs::read_dir(&folder)? {
-            let path = entry?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let is_numbered =
-                |prefix| name.strip_prefix(prefix).is_some_and(|number: &str| number.parse::<u32>().is_ok());
-            if (is_numbered("cluster-") || is_numbered("epoch-"))
-                && path.is_dir()
-                && path.components().count() < recording.components().count() + 3
-            {
-                next.push(path.clone());
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    Ok(found)
 }
 
 /// `bus.json`: by which a reader knows that `bus.arrows` is whole.
@@ -97,7 +70,8 @@ impl RowStream {
     /// Creates the partial file and writes the schema.
     pub(super) fn create(folder: &Path, metadata: &Metadata) -> Result<Self, RecordingError> {
         let partial = folder.join(FILE_NAME).with_extension("arrows.partial");
-        let file = File::create(&partial).map_err(|source| RecordingError::Io { path: partial.clone(), source })?;
+        let file =
+            regular_file::create(&partial).map_err(|source| RecordingError::Io { path: partial.clone(), source })?;
         let format = Format::new(metadata);
         let file = BufWriter::with_capacity(1 << 18, Checked { inner: file, bytes: 0, crc32c: 0 });
         let stream = StreamWriter::try_new(file, format.schema())
@@ -148,18 +122,10 @@ impl RowStream {
             complete: true,
         };
         let path = folder.join(SIDECAR_NAME);
-        in_file(&path, write_json(&path, &sidecar))?;
+        let json = serde_json::to_string_pretty(&sidecar).map_err(io::Error::from).map(|json| json + "\n");
+        in_file(&path, json.and_then(|json| atomic_file::write(&path, |file| file.write_all(json.as_bytes()))))?;
         Ok(sidecar)
     }
-}
-
-/// Written beside its final name, and renamed when whole.
-fn write_json(path: &Path, sidecar: &Sidecar) -> io::Result<()> {
-    let partial = path.with_extension("json.partial");
-    let mut json = serde_json::to_vec_pretty(sidecar)?;
-    json.push(b'\n');
-    fs::write(&partial, json)?;
-    fs::rename(&partial, path)
 }
 
 /// Counts and checks the bytes on their way to a file.

@@ -11,6 +11,7 @@ use crate::ids::{Epoch, NodeId};
 use crate::machine::references::RecordNumbers;
 use crate::machine::trace::{Trace, TraceError, TracedTile};
 use crate::recording::frames::ReadAt;
+use crate::regular_file;
 use crate::scene::source::Source;
 use crate::topology::Topology;
 use crate::tracer::Tiling;
@@ -117,14 +118,6 @@ pub(super) fn process_of(name: &str) -> Option<(NodeId, Epoch)> {
     (file_name(process.0, process.1) == name).then_some(process)
 }
 
-/// Opens a file that is no pipe, device or folder: reading those may never end.
-pub(super) fn open_regular(path: &Path) -> io::Result<File> {
-    if !fs::metadata(path)?.is_file() {
-        return Err(io::Error::other("is not a regular file, expected one"));
-    }
-    File::open(path)
-}
-
 fn tile_count(tiles: usize) -> String {
     match tiles {
         0 => "no tiles".to_owned(),
@@ -148,7 +141,7 @@ impl Opened {
     fn read_levels(&mut self, folder: &Path, sidecar: &Sidecar) {
         let path = folder.join(LEVELS_NAME);
         let blocks = self.recording.layout.span(Section::OctreeNodes).records / 8;
-        let read = open_regular(&path).and_then(|file| {
+        let read = regular_file::open(&path).and_then(|file| {
             let (bytes, expected) = (ReadAt::bytes(&file)?, &sidecar.octree_levels);
             if bytes != blocks || bytes != expected.bytes {
                 let expected = format!("{bytes} bytes, expected {blocks}: one a block of octree words");

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use arrow_ipc::{MessageHeader, Schema, Type};
 
 use super::format::{COLUMNS, row_crc32c};
-use super::reader::open_regular;
 use super::{FORMAT_VERSION, FileFacts};
 use crate::database::{Layout, Section};
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Word};
 use crate::recording::frames::{Frame, FrameKind, FrameLimits, Frames, ReadAt};
 use crate::recording::records_json;
+use crate::regular_file;
 
 /// The schema's metadata are the longest; a batch is some columns and the words.
 pub(super) const LIMITS: FrameLimits =
@@ -70,7 +70,7 @@ impl Scan {
     /// The file cannot be read at all, or is no recording of references of this database; the text names the file.
     pub(super) fn of(path: &Path, node: NodeId, epoch: Epoch, layout: &Layout) -> Result<Self, String> {
         let named = |what: String| format!("{}: {what}", path.display());
-        let file = open_regular(path).map_err(|error| named(error.to_string()))?;
+        let file = regular_file::open(path).map_err(|error| named(error.to_string()))?;
         let facts = facts(path, &file).map_err(|error| named(error.to_string()))?;
         let (path, parts, tiles) = (path.to_owned(), Vec::new(), Vec::new());
         let mut scan = Self { path, file, facts, node, epoch, parts, tiles, fault: None };

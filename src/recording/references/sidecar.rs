@@ -7,12 +7,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::FORMAT_VERSION;
-use super::reader::open_regular;
-use crate::atomic_file;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::topology::Image;
 use crate::tracer::Tiling;
 use crate::tracer::view::ImageSettings;
+use crate::{atomic_file, regular_file};
 
 /// The sidecar's name.
 pub const SIDECAR_NAME: &str = "references.json";
@@ -87,7 +86,7 @@ impl Sidecar {
     /// It is not there, or nothing can be made of it.
     pub fn read(folder: &Path) -> Result<(Self, Option<String>), String> {
         let mut text = Vec::new();
-        let file = open_regular(&folder.join(SIDECAR_NAME)).map_err(|error| error.to_string())?;
+        let file = regular_file::open(&folder.join(SIDECAR_NAME)).map_err(|error| error.to_string())?;
         file.take(BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| error.to_string())?;
         if text.len() as u64 > BYTES_MAX {
             return Err(format!("more than {BYTES_MAX} bytes, expected a sidecar"));

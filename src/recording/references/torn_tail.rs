@@ -9,6 +9,7 @@ use std::path::Path;
 use super::reader::Recording;
 use super::scan::LIMITS;
 use crate::recording::frames::{FrameFault, Frames};
+use crate::regular_file;
 
 /// Cuts torn tails off the files of a folder that no process writes any more; a file without its first frame is
 /// removed. Whatever else is wrong with a file stays.
@@ -25,7 +26,7 @@ pub fn cut_torn_tails(folder: &Path) -> Result<(), String> {
 }
 
 fn cut(path: &Path) -> io::Result<()> {
-    let file = File::options().read(true).write(true).open(path)?;
+    let file = regular_file::edit(path)?;
     match sound_bytes(&file)? {
         Some(0) => fs::remove_file(path),
         Some(bytes) => file.set_len(bytes),

@@ -14,6 +14,7 @@ use super::format::{Part, batch, file_name, schema};
 use crate::database::Layout;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::recording::RecordingError;
+use crate::regular_file;
 
 /// The stream of one node process.
 pub struct Writer {
@@ -34,7 +35,7 @@ impl Writer {
     /// The file cannot be created.
     pub fn create(folder: &Path, node: NodeId, epoch: Epoch, layout: &Layout) -> Result<Self, RecordingError> {
         let path = folder.join(file_name(node, epoch));
-        let file = File::create(&path).map_err(|source| RecordingError::Io { path: path.clone(), source })?;
+        let file = regular_file::create(&path).map_err(|source| RecordingError::Io { path: path.clone(), source })?;
         let schema = schema(node, epoch, layout);
         let stream = IpcWriteOptions::try_new(8, false, arrow_ipc::MetadataVersion::V5)
             .and_then(|options| {

@@ -9,6 +9,7 @@ use marti::processes::{Child, ControlLink};
 use marti::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, Socket, connect};
 use marti::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
 use marti::protocol::hello::Role;
+use marti::pulse::Pulse;
 
 use super::Outcome;
 use super::mode::Mode;
@@ -18,6 +19,7 @@ const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
 pub(crate) struct Ground {
     pub(crate) mode: Mode,
     pub(crate) introduction: Introduction,
+    pub(crate) pulse: Pulse,
     pub(crate) manager: SocketAddr,
     pub(crate) configuration: NodeConfiguration,
     pub(crate) link: ControlLink<NodeCommand, NodeReport>,
@@ -26,7 +28,7 @@ pub(crate) struct Ground {
 impl Ground {
     /// `None`: the run was over before it began.
     pub(crate) async fn reach(child: &Child, mode: Mode) -> Outcome<Option<Self>> {
-        let mut link = child.control(NodeReport::Heartbeat)?;
+        let mut link = child.control()?;
         let configuration = loop {
             match link.commands.recv().await {
                 Some(NodeCommand::Configure(configuration)) => break *configuration,
@@ -34,8 +36,8 @@ impl Ground {
                 Some(_) => {}
             }
         };
-        let (introduction, manager) = (child.introduction(), child.bootstrap.manager);
-        Ok(Some(Self { mode, introduction, manager, configuration, link }))
+        let (introduction, pulse, manager) = (child.introduction(), child.pulse.clone(), child.bootstrap.manager);
+        Ok(Some(Self { mode, introduction, pulse, manager, configuration, link }))
     }
 
     /// As itself.

@@ -48,7 +48,7 @@ impl Node {
     pub(crate) async fn start(ground: &mut Ground) -> Outcome<Self> {
         let (to_master, from_master) = ground.talk(ground.master()).await?;
         let (to_display, from_display) = ground.talk(Role::Display).await?;
-        let tracer = Tracer::start(ground.configuration.clone(), ground.introduction.clone())?;
+        let tracer = Tracer::start(ground.configuration.clone(), ground.introduction.clone(), ground.pulse.clone())?;
         Ok(Self {
             to_master,
             from_master,
