@@ -217,6 +217,8 @@ mod tests {
     use crate::machine::stats::MemoryStats;
     use crate::protocol::control::LostAttempt;
     use crate::protocol::hello::{Role, RunToken};
+    use crate::ids::Producer;
+    use crate::protocol::control::{Holdings, PRODUCERS_MAX, Share, TileSet};
     use crate::protocol::mac::Mac;
     use crate::protocol::work::TileDone;
     use crate::tracer::TraceStats;
@@ -264,6 +266,17 @@ mod tests {
         round_trip(WorkRequest::Done { done: Box::new(tile_done()), receipt: Mac::default() }, &[]);
         let lost = LostAttempt { tile: TileId(2), attempt: Attempt(3) };
         round_trip(BusCommand::Finish { lost: vec![lost; 1000] }, &[]);
+    }
+
+    /// However many tiles an image has, and however many processes rendered them, one message has room.
+    #[test]
+    fn the_largest_image_fits_a_report_of_the_display() {
+        let tiles: TileSet = (0..1 << 24).map(|_| true).collect();
+        let producer = Producer::default();
+        let condemned = DisplayReport::Condemned(producer, tiles.clone());
+        assert!(encode(&condemned, &[]).is_ok());
+        let shares = vec![Share { producer, tiles: 1, latest: TileId(0) }; PRODUCERS_MAX];
+        assert!(encode(&DisplayReport::Restored(Holdings { tiles, shares }), &[]).is_ok());
     }
 
     #[test]
