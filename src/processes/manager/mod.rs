@@ -298,13 +298,17 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         None => Vec::new(),
     };
     let report = Report { chaos, ..closing::report(&state, facts, checks, start.elapsed()) };
-    json::write(&report, &folder.report()).map_err(RunError::Output)?;
+    let written = json::write(&report, &folder.report());
     let end = match state.over() {
         Some(Cause::Complete) => RunEnd::Done,
         Some(Cause::Interrupted(signal)) => RunEnd::Interrupted(*signal),
-        Some(Cause::Failed(why)) => return Err(RunError::Process(why.clone())),
+        Some(Cause::Failed(why)) => {
+            let unwritten = written.err().map_or_else(String::new, |error| format!("; {error}"));
+            return Err(RunError::Process(format!("{why}{unwritten}")));
+        }
         Some(Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
+    written.map_err(RunError::Output)?;
     Ok(RunOutcome { end, report })
 }
 

@@ -12,6 +12,7 @@ use super::format::{FORMAT_VERSION, Format, Metadata};
 use super::writer::RecordingError;
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
+use crate::patient_file::PatientFile;
 
 /// The recording's name once it is whole.
 pub const FILE_NAME: &str = "bus.arrows";
@@ -87,7 +88,7 @@ pub(super) struct RowStream {
     folder: PathBuf,
     partial: PathBuf,
     format: Format,
-    stream: StreamWriter<BufWriter<Checked<File>>>,
+    stream: StreamWriter<BufWriter<Checked<PatientFile>>>,
     rows: u64,
     /// The first and the last.
     sequences: Option<(u64, u64)>,
@@ -99,7 +100,7 @@ impl RowStream {
         let partial = folder.join(FILE_NAME).with_extension("arrows.partial");
         let file = File::create(&partial).map_err(|source| RecordingError::Io { path: partial.clone(), source })?;
         let format = Format::new(metadata);
-        let file = BufWriter::with_capacity(1 << 18, Checked { inner: file, bytes: 0, crc32c: 0 });
+        let file = BufWriter::with_capacity(1 << 18, Checked { inner: PatientFile(file), bytes: 0, crc32c: 0 });
         let stream = StreamWriter::try_new(file, format.schema())
             .and_then(|mut stream| stream.flush().map(|()| stream))
             .map_err(|source| RecordingError::Arrow { path: partial.clone(), source })?;
@@ -135,7 +136,7 @@ impl RowStream {
         let in_file = |path: &Path, result: io::Result<()>| {
             result.map_err(|source| RecordingError::Io { path: path.to_owned(), source })
         };
-        in_file(&partial, checked.inner.sync_all())?;
+        in_file(&partial, checked.inner.0.sync_all())?;
         in_file(&whole, fs::rename(&partial, &whole))?;
         let sidecar = Sidecar {
             format_version: FORMAT_VERSION,
@@ -187,6 +188,6 @@ impl RowStream {
     /// From here on the disk is full.
     pub(super) fn break_disk(&mut self) {
         let full = File::options().write(true).open("/dev/full").expect("a device that is always full");
-        self.stream.get_mut().get_mut().inner = full;
+        self.stream.get_mut().get_mut().inner = PatientFile(full);
     }
 }

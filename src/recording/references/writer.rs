@@ -13,13 +13,14 @@ use arrow_schema::{ArrowError, SchemaRef};
 use super::format::{Part, batch, file_name, schema};
 use crate::database::Layout;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::patient_file::PatientFile;
 use crate::recording::RecordingError;
 
 /// The stream of one node process.
 pub struct Writer {
     path: PathBuf,
     schema: SchemaRef,
-    stream: StreamWriter<BufWriter<File>>,
+    stream: StreamWriter<BufWriter<PatientFile>>,
     tile: TileId,
     attempt: Attempt,
     part: u32,
@@ -38,7 +39,7 @@ impl Writer {
         let schema = schema(node, epoch, layout);
         let stream = IpcWriteOptions::try_new(8, false, arrow_ipc::MetadataVersion::V5)
             .and_then(|options| {
-                let file = BufWriter::with_capacity(1 << 16, file);
+                let file = BufWriter::with_capacity(1 << 16, PatientFile(file));
                 let mut stream = StreamWriter::try_new_with_options(file, &schema, options)?;
                 stream.flush()?;
                 Ok(stream)
