@@ -213,12 +213,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::ids::Producer;
     use crate::ids::{Address, Attempt, Epoch, NodeId, TileId};
     use crate::machine::stats::MemoryStats;
     use crate::protocol::control::LostAttempt;
-    use crate::protocol::hello::{Role, RunToken};
-    use crate::ids::Producer;
     use crate::protocol::control::{Holdings, PRODUCERS_MAX, Share, TileSet};
+    use crate::protocol::hello::{Role, RunToken};
     use crate::protocol::mac::Mac;
     use crate::protocol::work::TileDone;
     use crate::tracer::TraceStats;

@@ -19,6 +19,7 @@ pub mod keys;
 pub mod machine;
 pub mod oracle;
 pub mod outlet;
+pub mod patient_file;
 pub mod preparation;
 pub mod processes;
 pub mod progress;

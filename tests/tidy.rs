@@ -129,6 +129,20 @@ fn each_foreign_thing_has_its_place() {
 }
 
 #[test]
+fn nothing_panics_where_standard_error_a_thread_or_a_descriptor_is_missing() {
+    // And what does not: outlet::say and cli::print, thread::Builder and event_queue::aside, event_queue::event_queue.
+    let print = ["eprintln!(", "eprint!(", "println!(", "print!("];
+    let spawn = ["thread::spawn(", "scope.spawn(", "spawn_blocking", "lookup_host", "new_current_thread"];
+    for (path, code) in sources("src").into_iter().chain(sources("bin")) {
+        let is_exempt = path.to_string_lossy().ends_with("tests.rs");
+        for word in print.into_iter().chain(spawn) {
+            let is_event_queue = word == "new_current_thread" && path.ends_with("event_queue.rs");
+            assert!(is_exempt || is_event_queue || !code.contains(word), "{}: `{word}` may panic", path.display());
+        }
+    }
+}
+
+#[test]
 fn main_functions_are_short_and_files_have_one_noun() {
     for (path, code) in sources("bin") {
         assert!(code.lines().count() < 40, "{} has 40 lines or more", path.display());

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::format::{Head, Header, Record, Subject};
 use super::reader::{self, HeaderFault, Next, Reader, Start};
+use crate::patient_file::with_room;
 use crate::regular_file;
 use crate::tracer::AovSet;
 
@@ -85,7 +86,7 @@ impl Journal {
     /// can be appended any more.
     ///
     /// # Errors
-    /// The file cannot be written: the disk is full, as a rule.
+    /// The file cannot be written: the disk has been full for 3 s, as a rule.
     pub fn append(&mut self, record: &Record) -> Result<(), JournalError> {
         let written = match Head::of(record) {
             Some((head, payload)) => write_together(&mut self.file, bytemuck::bytes_of(&head), payload),
@@ -165,7 +166,7 @@ fn lock(file: &File) -> io::Result<bool> {
 fn write_together(file: &mut File, head: &[u8], payload: &[u8]) -> io::Result<()> {
     let mut parts = &mut [IoSlice::new(head), IoSlice::new(payload)][..];
     while !parts.is_empty() {
-        match file.write_vectored(parts) {
+        match with_room(|| file.write_vectored(parts)) {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
             Ok(bytes) => IoSlice::advance_slices(&mut parts, bytes),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}

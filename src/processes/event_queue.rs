@@ -14,8 +14,8 @@ use tokio::sync::oneshot;
 /// The system has no descriptor left.
 pub(super) fn event_queue() -> io::Result<Runtime> {
     let failed = |error: io::Error| io::Error::new(error.kind(), format!("cannot make an event queue: {error}"));
-    // The first one of a process makes such a pair for signals, and panics where it cannot.
-    drop(UnixStream::pair().map_err(failed)?);
+    // The first one of a process makes a pair for signals after two other descriptors, and panics where it cannot.
+    drop([UnixStream::pair().map_err(failed)?, UnixStream::pair().map_err(failed)?]);
     Builder::new_current_thread().enable_all().build().map_err(failed)
 }
 

@@ -207,6 +207,11 @@ pub enum MasterReport {
         epoch: Epoch,
         why: String,
     },
+    /// Tiles that the process may trace wait for longer than the tile deadline, and it asks for none: it is to be killed.
+    Idle {
+        node: NodeId,
+        epoch: Epoch,
+    },
     /// The tile deadline passed: the node is to be killed.
     Late {
         node: NodeId,

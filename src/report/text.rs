@@ -95,7 +95,7 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         }
     }
     if let Some(why) = &image.unverified {
-        line(out, "image", format_args!("UNVERIFIED: {why}"))?;
+        line(out, "unverified", format_args!("the image is not to be relied on: {why}"))?;
     }
     line(
         out,
@@ -243,7 +243,7 @@ mod tests {
             "103 fetches, 3.5 KiB of data",
             "all 1 checks hold",
             "1 of 4 tiles by a second node; the latest tile of 1 of 1 processes",
-            "image        UNVERIFIED: a = b: 1 against 2",
+            "unverified   the image is not to be relied on: a = b: 1 against 2",
             "at 1.2 s: node 1 died: signal 9",
             "failed: the display died",
             "out/image.png",

@@ -10,6 +10,10 @@ use crate::ids::{ClusterId, Epoch, NodeId};
 use crate::protocol::control::MasterCommand;
 use crate::protocol::hello::Role;
 
+/// A node is set aside after so many processes of it left without a tile done in between. More than [`FAILURES_MAX`]: an
+/// operator may ask one process after the other to go.
+const DEPARTURES_MAX: u32 = 20;
+
 #[derive(Debug)]
 pub(super) struct Cluster {
     pub(super) id: ClusterId,
@@ -35,6 +39,8 @@ pub(super) struct Place {
     pub(super) epoch: Epoch,
     /// Since the last tile done.
     pub(super) failures: u32,
+    /// Processes that left as they were asked to, since the last tile done.
+    pub(super) departures: u32,
     pub(super) set_aside: bool,
 }
 
@@ -221,12 +227,17 @@ impl State {
             return;
         }
         place.failures += u32::from(failed);
-        if place.failures < FAILURES_MAX {
-            place.epoch.0 += 1;
-            let epoch = place.epoch;
-            return self.spawn(ProcessId { role: Role::Node(node), epoch });
+        place.departures += u32::from(!failed);
+        let Place { failures, departures, .. } = *place;
+        if failures >= FAILURES_MAX {
+            return self.set_aside(node, &format!("it failed {FAILURES_MAX} times without a tile done"));
         }
-        self.set_aside(node, &format!("it failed {FAILURES_MAX} times without a tile done"));
+        if departures >= DEPARTURES_MAX {
+            return self.set_aside(node, &format!("it left {DEPARTURES_MAX} times without a tile done"));
+        }
+        place.epoch.0 += 1;
+        let epoch = place.epoch;
+        self.spawn(ProcessId { role: Role::Node(node), epoch });
     }
 
     /// A node gets no more tiles in this run.

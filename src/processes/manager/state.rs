@@ -206,6 +206,9 @@ impl State {
                 }
             }
             NodeReport::Packets(packets) => self.ledger.packets = Some(packets),
+            NodeReport::Finished if matches!(self.phase, Phase::Running) => {
+                self.doom(id, "reported its end before it was asked to end".to_owned());
+            }
             NodeReport::Finished => self.enter(id, Stage::Finished),
         }
     }
@@ -257,6 +260,12 @@ impl State {
                 }
             }
             MasterReport::Forged { node, epoch, why } => self.condemn(self.producer(node, epoch), &why),
+            MasterReport::Idle { node, epoch } => {
+                // Another process of it might do one tile, and wait again.
+                let why = format!("asked for no tile for more than {}", seconds(self.plan.run.deadlines.tile));
+                self.set_aside(node, &format!("it {why}"));
+                self.doom(ProcessId { role: Role::Node(node), epoch }, why);
+            }
             MasterReport::Late { node, epoch, tile } => {
                 let why = format!("held {tile} for more than {}", seconds(self.plan.run.deadlines.tile));
                 self.doom(ProcessId { role: Role::Node(node), epoch }, why);
@@ -290,7 +299,7 @@ impl State {
                 self.cluster(cluster.0).failures = 0;
                 self.display.failures = 0;
                 if let Some(place) = self.places.get_mut(usize::from(by.node.0)) {
-                    place.failures = 0;
+                    (place.failures, place.departures) = (0, 0);
                 }
                 if self.verification.accept(done.tile, by) {
                     self.queue.check(done.tile, vec![by.node]);

@@ -29,6 +29,8 @@ pub(super) struct Seat {
     /// Whether the manager knows that it is at work.
     pub(super) announced: bool,
     pub(super) told_late: bool,
+    /// Since when it holds nothing and asks for nothing, though a tile waits for it.
+    pub(super) idle_since: Option<Duration>,
     /// Nobody will sit here any more.
     pub(super) set_aside: bool,
 }
@@ -58,6 +60,17 @@ impl Seat {
     pub(super) fn give_back(&mut self, tile: TileId, attempt: Attempt) -> bool {
         let place = self.held.iter().position(|held| held.tile == tile && held.attempt == attempt);
         place.map(|place| self.held.remove(place)).is_some()
+    }
+
+    /// Whether it has been idle for longer than the deadline, the first time only.
+    pub(super) fn is_overdue(&mut self, is_idle: bool, now: Duration, deadline: Duration) -> bool {
+        if !is_idle || self.told_late {
+            self.idle_since = None;
+            return false;
+        }
+        let since = *self.idle_since.get_or_insert(now);
+        self.told_late = now.saturating_sub(since) > deadline;
+        self.told_late
     }
 
     /// A tile held for longer than the deadline, the first time only.

@@ -193,8 +193,17 @@ impl State {
 
     fn report_late(&mut self, now: Duration) {
         for (node, seat) in (self.first_node.0..).map(NodeId).zip(&mut self.seats) {
-            if let (Some(epoch), Some(tile)) = (seat.epoch, seat.late_tile(now, self.tile_deadline)) {
+            let Some(epoch) = seat.epoch else { continue };
+            if let Some(tile) = seat.late_tile(now, self.tile_deadline) {
                 self.actions.push(Action::Report(MasterReport::Late { node, epoch, tile }));
+            }
+            let is_idle = seat.announced
+                && seat.held.is_empty()
+                && !seat.is_dead(epoch)
+                && !self.waiting.contains(&node)
+                && self.queue.iter().any(|grant| may_trace(node, grant));
+            if seat.is_overdue(is_idle, now, self.tile_deadline) {
+                self.actions.push(Action::Report(MasterReport::Idle { node, epoch }));
             }
         }
     }

@@ -270,3 +270,26 @@ fn a_completion_without_the_displays_receipt_is_a_forgery() {
     let expected = MasterTotals { attempts_issued: 2, attempts_accepted: 1, attempts_lost: 1, ..Default::default() };
     assert_eq!(totals(&mut state), expected);
 }
+
+#[test]
+fn a_node_that_asks_for_nothing_while_tiles_wait_for_it_is_reported_once() {
+    let mut state = state(2);
+    tiles(&mut state, [(0, Some(0)), (1, Some(1)), (2, Some(1))]);
+    ready(&mut state, 0);
+    ready(&mut state, 1);
+    done(&mut state, 0, 0);
+    done(&mut state, 1, 1);
+    assert!(reports(at(&mut state, 5000, Event::Tick)).is_empty(), "it has just become idle");
+    assert!(reports(at(&mut state, 6000, Event::Tick)).is_empty());
+    let idle = MasterReport::Idle { node: NodeId(1), epoch: Epoch(0) };
+    assert_eq!(reports(at(&mut state, 6001, Event::Tick)), [idle], "nothing waits for node 0");
+    assert!(reports(at(&mut state, 9000, Event::Tick)).is_empty());
+    let mut state = self::state(2);
+    tiles(&mut state, [(0, Some(0)), (1, Some(0))]);
+    ready(&mut state, 0);
+    at(&mut state, 0, Event::Tick);
+    done(&mut state, 0, 0);
+    at(&mut state, 900, Event::Tick);
+    ready(&mut state, 0);
+    assert!(reports(at(&mut state, 1001, Event::Tick)).is_empty(), "it works, if slowly");
+}

@@ -122,9 +122,10 @@ async fn strangers_are_refused_and_named() {
             frame(&Hello { token: RunToken::new([8; 32]), ..hello() }),
             "node 3 has not the token of this run",
         ),
+        ("another's role", frame(&Hello { role: Role::Display, ..hello() }), "display has not the token of this run"),
         (
             "a wrong role",
-            frame(&Hello { role: Role::Display, ..hello() }),
+            frame(&Hello::new(Role::Display, Epoch(1), TOKEN.of(Role::Display, Epoch(1)))),
             "display (epoch 1) has no business here, expected a node",
         ),
         ("a hello with more behind it", [&[0, 0, 1, 0][..], &good[4..], &[0; 200]].concat(), "followed by"),

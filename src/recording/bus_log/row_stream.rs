@@ -1,7 +1,7 @@
 //! The files of a recording: rows go into `bus.arrows.partial`, which becomes `bus.arrows` when it is whole,
 //! with `bus.json` beside it.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,7 @@ use super::format::{FORMAT_VERSION, Format, Metadata};
 use super::writer::RecordingError;
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
+use crate::patient_file::PatientFile;
 use crate::{atomic_file, regular_file};
 
 /// The recording's name once it is whole.
@@ -60,7 +61,7 @@ pub(super) struct RowStream {
     folder: PathBuf,
     partial: PathBuf,
     format: Format,
-    stream: StreamWriter<BufWriter<Checked<File>>>,
+    stream: StreamWriter<BufWriter<Checked<PatientFile>>>,
     rows: u64,
     /// The first and the last.
     sequences: Option<(u64, u64)>,
@@ -73,7 +74,7 @@ impl RowStream {
         let file =
             regular_file::create(&partial).map_err(|source| RecordingError::Io { path: partial.clone(), source })?;
         let format = Format::new(metadata);
-        let file = BufWriter::with_capacity(1 << 18, Checked { inner: file, bytes: 0, crc32c: 0 });
+        let file = BufWriter::with_capacity(1 << 18, Checked { inner: PatientFile(file), bytes: 0, crc32c: 0 });
         let stream = StreamWriter::try_new(file, format.schema())
             .and_then(|mut stream| stream.flush().map(|()| stream))
             .map_err(|source| RecordingError::Arrow { path: partial.clone(), source })?;
@@ -109,7 +110,7 @@ impl RowStream {
         let in_file = |path: &Path, result: io::Result<()>| {
             result.map_err(|source| RecordingError::Io { path: path.to_owned(), source })
         };
-        in_file(&partial, checked.inner.sync_all())?;
+        in_file(&partial, checked.inner.0.sync_all())?;
         in_file(&whole, fs::rename(&partial, &whole))?;
         let sidecar = Sidecar {
             format_version: FORMAT_VERSION,
@@ -153,6 +154,6 @@ impl RowStream {
     /// From here on the disk is full.
     pub(super) fn break_disk(&mut self) {
         let full = File::options().write(true).open("/dev/full").expect("a device that is always full");
-        self.stream.get_mut().get_mut().inner = full;
+        self.stream.get_mut().get_mut().inner = PatientFile(full);
     }
 }

@@ -3,7 +3,6 @@
 //! A tile's rows are handed to the operating system before its end is told, so that a process that is killed takes no
 //! accepted tile with it. Writing is part of tracing, on the same thread: memory at the speed of a copy.
 
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +12,7 @@ use arrow_schema::{ArrowError, SchemaRef};
 use super::format::{Part, batch, file_name, schema};
 use crate::database::Layout;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
+use crate::patient_file::PatientFile;
 use crate::recording::RecordingError;
 use crate::regular_file;
 
@@ -20,7 +20,7 @@ use crate::regular_file;
 pub struct Writer {
     path: PathBuf,
     schema: SchemaRef,
-    stream: StreamWriter<BufWriter<File>>,
+    stream: StreamWriter<BufWriter<PatientFile>>,
     tile: TileId,
     attempt: Attempt,
     part: u32,
@@ -39,7 +39,7 @@ impl Writer {
         let schema = schema(node, epoch, layout);
         let stream = IpcWriteOptions::try_new(8, false, arrow_ipc::MetadataVersion::V5)
             .and_then(|options| {
-                let file = BufWriter::with_capacity(1 << 16, file);
+                let file = BufWriter::with_capacity(1 << 16, PatientFile(file));
                 let mut stream = StreamWriter::try_new_with_options(file, &schema, options)?;
                 stream.flush()?;
                 Ok(stream)
