@@ -20,7 +20,9 @@ fn posefuture() {
 
 #[test]
 fn posemaster() {
-    survives("posemaster", &[COUNTED]);
+    let outcome = survives("posemaster", &[COUNTED]);
+    let lost = outcome.incidents().iter().any(|text| text.starts_with("the master: bus "));
+    assert!(!lost, "the master lost its connection: {:?}", outcome.incidents());
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Pixels that are wrong, missing, too many or too early.
 
-use crate::run::{COUNTED, VERIFIED, WHOLE, finds, right, run, survives};
+use crate::run::{COUNTED, PATIENT, VERIFIED, WHOLE, finds, right, run, survives};
 
 #[test]
 fn nopixels() {
@@ -28,9 +28,10 @@ fn nextattempt() {
     finds("nextattempt", &[COUNTED, VERIFIED]);
 }
 
+/// The others get on, though nothing ends the connection that is not read.
 #[test]
 fn noread() {
-    survives("noread", &[WHOLE, "image.tile=4"]);
+    survives("noread", &[COUNTED, PATIENT, "image.tile=4", "run.assignment=on_demand"]);
 }
 
 #[test]
@@ -63,6 +64,12 @@ fn greylast() {
 #[test]
 fn greylater() {
     finds("greylater", &[WHOLE, "run.verify=0.000001"]);
+}
+
+#[test]
+fn greyheld() {
+    finds("greyheld", &[WHOLE, VERIFIED]);
+    finds("greyheld", &[COUNTED, "run.verify=0.000001"]);
 }
 
 #[test]

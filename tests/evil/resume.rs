@@ -12,11 +12,11 @@ use crate::run::{COUNTED, Folder, WHOLE, options, right};
 const FILES: u32 = 20_000;
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// Looks all the time.
 fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     let start = Instant::now();
     while !is_so() {
         assert!(start.elapsed() < PATIENCE, "{what} does not come");
-        std::thread::sleep(Duration::from_millis(1));
     }
 }
 
@@ -38,29 +38,34 @@ fn greylater_and_resumed() {
     let folder = Folder::new();
     let verified = options(&folder.out, &[COUNTED, "run.verify=0.001"]);
     let manager = folder.start(Some("greylater"), FILES, &verified);
-    // Half of the image, of which the evil node has done a quarter.
-    let journal = folder.out.join("tiles");
-    wait_for("half of the image", || fs::metadata(&journal).is_ok_and(|file| file.len() > 128 * 128 * 12 / 2));
+    let log = folder.out.join("logs/node-0.log");
+    let wrong = || fs::read_to_string(&log).map_or(0, |log| log.matches("evil: sends other pixels").count());
+    wait_for("a third of its tiles", || wrong() > 20);
     signal(&manager, Signal::SIGKILL);
     let killed = folder.end(manager);
-    assert!(killed.evil_log.contains("evil: sends other pixels"), "{}", killed.evil_log);
     assert!(killed.report.is_none(), "it was over before it was killed");
     resume(&folder);
 }
 
-/// A process is found out, and the run interrupted at that moment: what it did stays revoked.
+/// A process is found out, and the run interrupted at that moment: nothing that it did is in the image, nor what it has
+/// not even told done. The moment is short, hence several runs.
 #[test]
-fn grey_and_interrupted() {
-    for _ in 0..5 {
+fn greyheld_and_interrupted() {
+    for _ in 0..10 {
         let folder = Folder::new();
-        let verified = options(&folder.out, &[WHOLE, "image.tile=1", "run.verify=0.001"]);
-        let manager = folder.start(Some("grey"), FILES, &verified);
+        let verified = options(&folder.out, &[WHOLE, "run.verify=0.001"]);
+        let manager = folder.start(Some("greyheld"), FILES, &verified);
         let log = folder.out.join("logs/manager.log");
         let is_found = || fs::read_to_string(&log).is_ok_and(|log| log.contains("node 0 is set aside"));
         wait_for("a verdict", is_found);
-        signal(&manager, Signal::SIGINT);
+        // What is told meanwhile, and the signal, come at one time.
+        for (sent, pause) in [(Signal::SIGSTOP, 0), (Signal::SIGINT, 20), (Signal::SIGCONT, 0)] {
+            signal(&manager, sent);
+            std::thread::sleep(Duration::from_millis(pause));
+        }
         let interrupted = folder.end(manager);
-        assert_eq!(interrupted.status.code(), Some(130), "{}", interrupted.stderr);
+        // The others may have done the rest by then.
+        assert!(matches!(interrupted.status.code(), Some(0 | 130)), "{}", interrupted.stderr);
         resume(&folder);
     }
 }

@@ -153,7 +153,7 @@ impl<W: Write> Write for Checked<W> {
 impl RowStream {
     /// From here on the disk is full.
     pub(super) fn break_disk(&mut self) {
-        let full = File::options().write(true).open("/dev/full").expect("a device that is always full");
+        let full = std::fs::File::options().write(true).open("/dev/full").expect("a device that is always full");
         self.stream.get_mut().get_mut().inner = PatientFile(full);
     }
 }

@@ -39,6 +39,9 @@ impl Node {
         let is_it = |done: &TileDone| (done.tile, done.attempt) == (tile, attempt);
         // Some modes send more than they await an answer to.
         let Some(place) = self.traced.iter().position(|traced| is_it(&traced.done)) else { return Ok(()) };
+        if mode == Mode::GreyHeld && std::mem::replace(&mut self.has_told, true) {
+            return Ok(());
+        }
         let mut done = self.traced.remove(place).done;
         forge(mode, &mut done);
         self.tell_done(&done, receipt).await?;

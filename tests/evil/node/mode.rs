@@ -26,8 +26,10 @@ pub(crate) enum Mode {
     Grey,
     /// Sends grey pixels of the tiles in the last eighth of the image.
     GreyLast,
-    /// Sends grey pixels of all tiles but its first.
+    /// Sends grey pixels of all tiles but its first and those that it is to check.
     GreyLater,
+    /// Sends grey pixels, and tells its first tile done alone.
+    GreyHeld,
     /// Sends grey pixels of tiles that were rendered before: it is to check them.
     FalseChecker,
     /// Sends pixels with a wrong checksum.

@@ -31,6 +31,8 @@ pub(crate) struct Node {
     pub(crate) withheld: Vec<Traced>,
     /// Tiles traced so far.
     pub(crate) count: u32,
+    /// Whether it has told a tile done, where it tells one alone.
+    pub(crate) has_told: bool,
     /// When each tile came that it holds.
     pub(crate) since: HashMap<TileId, Instant>,
 }
@@ -58,6 +60,7 @@ impl Node {
             traced: Vec::new(),
             withheld: Vec::new(),
             count: 0,
+            has_told: false,
             since: HashMap::new(),
         })
     }

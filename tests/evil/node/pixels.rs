@@ -125,9 +125,9 @@ fn wrong(mode: Mode, ground: &Ground, traced: &Traced, planes: &[u8], count: u32
     match mode {
         Mode::Nan => Some(of(f32::NAN)),
         Mode::Infinite => Some(of(f32::INFINITY)),
-        Mode::Grey => Some(grey()),
+        Mode::Grey | Mode::GreyHeld => Some(grey()),
         Mode::GreyLast if tile.0 >= tiling.tile_count() / 8 * 7 => Some(grey()),
-        Mode::GreyLater if count > 1 => Some(grey()),
+        Mode::GreyLater if count > 1 && attempt == Attempt(0) => Some(grey()),
         Mode::FalseChecker if attempt > Attempt(0) => Some(grey()),
         Mode::Oversize => Some([planes, &planes[..pixel]].concat()),
         Mode::Undersize => Some(planes[pixel..].to_vec()),
