@@ -67,6 +67,7 @@ fn hostile_surroundings_leave_the_right_image_or_a_clear_failure_and_nothing_els
                 Ok(outcome) => outcome,
                 Err(why) => return eprintln!("SKIPPED hostile surroundings: {why}"),
             };
+            eprintln!("{} seed {seed}, {}: {}", kind.name(), trial.settings(), outcome.verdict());
             assert!(outcome.faults.is_empty(), "{:?}\n{:?}\n{}", outcome.faults, outcome.done, trial.command());
             if !outcome.confirmed.is_empty() {
                 took_effect += 1;
