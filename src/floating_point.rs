@@ -49,7 +49,8 @@ pub fn check() -> Result<(), Unusual> {
     Ok(())
 }
 
-#[cfg(all(test, target_arch = "x86_64"))]
+#[cfg(test)]
+#[cfg(target_arch = "x86_64")]
 mod tests {
     use std::arch::asm;
     use std::thread;

@@ -31,10 +31,19 @@ impl Write for PatientFile {
 /// # Errors
 /// Those of `write`.
 pub fn with_room<T>(mut write: impl FnMut() -> io::Result<T>) -> io::Result<T> {
-    let late = Instant::now() + DEADLINE;
+    let mut late = None;
     loop {
         match write() {
-            Err(error) if is_full(&error) && Instant::now() < late => thread::sleep(PAUSE),
+            Err(error) if is_full(&error) => {
+                let late = *late.get_or_insert_with(|| {
+                    tracing::warn!("waiting for room: {error}");
+                    Instant::now() + DEADLINE
+                });
+                if Instant::now() >= late {
+                    return Err(error);
+                }
+                thread::sleep(PAUSE);
+            }
             written => return written,
         }
     }

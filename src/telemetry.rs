@@ -1,6 +1,6 @@
 //! The text log of a process. It never decides what becomes of the process: see [`outlet`](crate::outlet).
 
-use std::backtrace::Backtrace;
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -40,7 +40,11 @@ pub fn start(path: Option<&Path>) -> Result<(), TelemetryError> {
     let is_file = path.is_some();
     // Without `tracing`, in which the thread may have panicked.
     std::panic::set_hook(Box::new(move |panic| {
-        let line = format!("ERROR {panic}\n{}\n", Backtrace::capture());
+        let backtrace = Backtrace::capture();
+        let line = match backtrace.status() {
+            BacktraceStatus::Captured => format!("ERROR {panic}\n{backtrace}\n"),
+            _ => format!("ERROR {panic}\n"),
+        };
         log.write_line(&line);
         if is_file {
             STANDARD_ERROR.write_line(&line);

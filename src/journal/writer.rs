@@ -106,7 +106,7 @@ impl Journal {
         self.file.set_len(kept)?;
         self.file.seek(SeekFrom::Start(kept))?;
         if kept == 0 {
-            self.file.write_all(bytemuck::bytes_of(&Header::of(subject)))?;
+            write_together(&mut self.file, bytemuck::bytes_of(&Header::of(subject)), &[])?;
         }
         Ok(dropped)
     }

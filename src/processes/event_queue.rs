@@ -14,8 +14,9 @@ use tokio::sync::oneshot;
 /// The system has no descriptor left.
 pub(super) fn event_queue() -> io::Result<Runtime> {
     let failed = |error: io::Error| io::Error::new(error.kind(), format!("cannot make an event queue: {error}"));
-    // The first one of a process makes a pair for signals after two other descriptors, and panics where it cannot.
-    drop([UnixStream::pair().map_err(failed)?, UnixStream::pair().map_err(failed)?]);
+    // The first one of a process takes three descriptors, then a pair for signals, where it panics if it cannot, and one.
+    let pair = || UnixStream::pair().map_err(failed);
+    drop([pair()?, pair()?, pair()?]);
     Builder::new_current_thread().enable_all().build().map_err(failed)
 }
 

@@ -95,7 +95,9 @@ fn too_few_threads_are_an_error() {
         assert!([0, 1, 3].contains(&code), "{count}: {code} {said}");
         assert_nothing_panicked(&out, &said);
     }
-    let render = ["render", "teapot:2", "--size", "64x64", "--threads", "8", "-o", "/dev/stdout", "--quiet"];
+    let image = folder.path().join("x.png");
+    let image = image.to_str().expect("UTF-8");
+    let render = ["render", "teapot:2", "--size", "64x64", "--threads", "8", "-o", image, "--quiet"];
     let limited = Command::new(other[0]).args(&other[1..]).args(["prlimit", "--nproc=3", MARTI]).args(render).output();
     let limited = limited.expect("it worked before");
     assert_eq!(limited.status.code(), Some(1), "{}", stderr(&limited));
