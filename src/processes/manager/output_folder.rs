@@ -249,8 +249,9 @@ fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
     }
     for entry in fs::read_dir(root).map_err(|error| named(root, &error))? {
         let name = entry.map_err(|error| named(root, &error))?.file_name().to_string_lossy().into_owned();
-        // A run may have been killed when it had made no more than the first; file systems make the second.
-        if ![STARTING, "lost+found"].contains(&name.as_str()) {
+        // A run may have been killed when it had made no more than the first, or had put the second aside; file systems
+        // make the third.
+        if ![STARTING, "earlier", "lost+found"].contains(&name.as_str()) {
             return Ok(Some(name));
         }
     }

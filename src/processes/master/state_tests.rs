@@ -290,6 +290,6 @@ fn a_node_that_asks_for_nothing_while_tiles_wait_for_it_is_reported_once() {
     at(&mut state, 0, Event::Tick);
     done(&mut state, 0, 0);
     at(&mut state, 900, Event::Tick);
-    ready(&mut state, 0);
+    at(&mut state, 900, Event::Request(first(0), WorkRequest::Ready));
     assert!(reports(at(&mut state, 1001, Event::Tick)).is_empty(), "it works, if slowly");
 }
