@@ -30,6 +30,8 @@ pub(in crate::processes) mod state;
 mod verification;
 
 #[cfg(test)]
+mod display_place_tests;
+#[cfg(test)]
 mod state_tests;
 #[cfg(test)]
 mod verification_tests;

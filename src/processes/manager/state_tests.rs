@@ -18,8 +18,8 @@ use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
 use crate::tracer::TraceStats;
 
-const BUS: ProcessId = ProcessId { role: Role::Bus(ClusterId(0)), epoch: Epoch(0) };
-const MASTER: ProcessId = ProcessId { role: Role::Master(ClusterId(0)), epoch: Epoch(0) };
+pub(super) const BUS: ProcessId = ProcessId { role: Role::Bus(ClusterId(0)), epoch: Epoch(0) };
+pub(super) const MASTER: ProcessId = ProcessId { role: Role::Master(ClusterId(0)), epoch: Epoch(0) };
 pub(super) const DISPLAY: ProcessId = ProcessId { role: Role::Display, epoch: Epoch(0) };
 
 pub(super) struct Stage {
@@ -31,7 +31,7 @@ pub(super) fn node(node: u16, epoch: u32) -> ProcessId {
     ProcessId { role: Role::Node(NodeId(node)), epoch: Epoch(epoch) }
 }
 
-fn address(port: u16) -> SocketAddr {
+pub(super) fn address(port: u16) -> SocketAddr {
     ([127, 0, 0, 1], port).into()
 }
 
@@ -44,7 +44,7 @@ impl Stage {
     }
 
     /// Configured and at work, all tiles handed out.
-    fn running(nodes: u16, tiles: u32) -> Self {
+    pub(super) fn running(nodes: u16, tiles: u32) -> Self {
         Self::configured(sample::plan(nodes, tiles), tiles)
     }
 
@@ -95,7 +95,7 @@ impl Stage {
         actions
     }
 
-    fn bus(&mut self, report: BusReport) -> Vec<Action> {
+    pub(super) fn bus(&mut self, report: BusReport) -> Vec<Action> {
         self.happens(Event::Report(BUS, Report::Bus(report)))
     }
 
@@ -107,11 +107,11 @@ impl Stage {
         self.happens(Event::Report(DISPLAY, Report::Display(report)))
     }
 
-    fn exits(&mut self, id: ProcessId) -> Vec<Action> {
+    pub(super) fn exits(&mut self, id: ProcessId) -> Vec<Action> {
         self.happens(Event::Exited(id, "died: signal 9".to_owned()))
     }
 
-    fn all_exit(&mut self, ids: &[ProcessId]) {
+    pub(super) fn all_exit(&mut self, ids: &[ProcessId]) {
         for &id in ids {
             self.exits(id);
         }
@@ -174,7 +174,7 @@ pub(super) fn holdings(tiles: impl IntoIterator<Item = bool>) -> Holdings {
     Holdings { tiles: tiles.into_iter().collect(), shares: Vec::new() }
 }
 
-fn finish_display() -> Action {
+pub(super) fn finish_display() -> Action {
     Action::Tell(DISPLAY, Command::Display(DisplayCommand::Finish))
 }
 
@@ -182,7 +182,7 @@ fn finish_bus(lost: Vec<LostAttempt>) -> Action {
     Action::Tell(BUS, Command::Bus(BusCommand::Finish { lost }))
 }
 
-fn display_totals() -> DisplayTotals {
+pub(super) fn display_totals() -> DisplayTotals {
     DisplayTotals { sha256: "00".to_owned(), tiles_done: 1, tiles_stale: 0, wire_bytes: 1, written: Vec::new() }
 }
 
@@ -347,84 +347,6 @@ fn a_cluster_that_fails_three_times_is_set_aside() {
     stage.display(DisplayReport::Finished(display_totals()));
     stage.exits(DISPLAY);
     assert_eq!(stage.state.over(), Some(&Cause::NoNodes));
-}
-
-#[test]
-fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
-    let mut stage = Stage::running(1, 4);
-    stage.done(0, 0, 0);
-    stage.done(0, 1, 0);
-    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
-    assert!(stage.exits(DISPLAY).contains(&Action::Spawn(next)));
-    let actions = stage.happens(Event::Connected(next));
-    let [Action::Tell(_, Command::Display(DisplayCommand::Configure(configuration)))] = &actions[..] else {
-        panic!("{actions:?}");
-    };
-    assert!(configuration.resume);
-    let told = |report| Event::Report(next, Report::Display(report));
-    // It has tile 1 alone: tile 0 is done again.
-    stage.happens(told(DisplayReport::Restored(holdings([false, true]))));
-    assert_eq!((stage.state.queue.missing(), stage.state.ledger.total().tiles), (3, 1));
-    let actions = stage.happens(told(DisplayReport::Listening(address(9))));
-    let expected = Action::Tell(node(0, 0), Command::Node(NodeCommand::Display(address(9))));
-    assert!(actions.contains(&expected), "{actions:?}");
-    stage.exits(next);
-    stage.exits(ProcessId { epoch: Epoch(2), ..DISPLAY });
-    stage.exits(node(0, 0));
-    stage.master(MasterReport::Finished(MasterTotals::default()));
-    stage.bus(BusReport::Finished(BusTotals::default()));
-    stage.all_exit(&[BUS, MASTER]);
-    assert_eq!(stage.state.over(), Some(&Cause::Failed("the display (epoch 2) died: signal 9".to_owned())));
-}
-
-#[test]
-fn a_display_that_dies_over_the_image_is_replaced_and_asked_again() {
-    let mut stage = Stage::running(1, 1);
-    stage.done(0, 0, 0);
-    stage.holds([true]);
-    assert!(stage.exits(node(0, 0)).contains(&stage.question()));
-    assert_eq!(stage.holds([true]), [finish_display()]);
-    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
-    assert!(stage.exits(DISPLAY).contains(&Action::Spawn(next)));
-    stage.happens(Event::Connected(next));
-    let told = |report| Event::Report(next, Report::Display(report));
-    stage.happens(told(DisplayReport::Restored(holdings([true]))));
-    let to_next = |command| [Action::Tell(next, Command::Display(command))];
-    let actions = stage.happens(told(DisplayReport::Listening(address(9))));
-    let question = stage.state.display.question;
-    assert_eq!(actions, to_next(DisplayCommand::TellHoldings { question }));
-    let actions = stage.happens(told(DisplayReport::Holdings { question, holdings: holdings([true]) }));
-    assert_eq!(actions, to_next(DisplayCommand::Finish));
-}
-
-#[test]
-fn a_journal_that_loses_a_tile_after_the_last_one_is_a_failure() {
-    let mut stage = Stage::running(1, 2);
-    stage.done(0, 0, 0);
-    stage.done(0, 1, 0);
-    stage.holds([true; 2]);
-    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
-    stage.exits(DISPLAY);
-    stage.happens(Event::Connected(next));
-    stage.happens(Event::Report(next, Report::Display(DisplayReport::Restored(holdings([true, false])))));
-    stage.all_exit(&[node(0, 0), BUS, MASTER, next]);
-    assert_eq!(stage.state.over(), Some(&Cause::Failed("the journal lacks 1 tiles that were done".to_owned())));
-    assert_eq!(stage.state.queue.missing(), 1);
-}
-
-#[test]
-fn a_tile_that_the_display_does_not_have_is_not_done_whatever_was_reported() {
-    let mut stage = Stage::running(1, 2);
-    stage.done(0, 0, 0);
-    assert_eq!(stage.done(0, 1, 0), [stage.question()]);
-    stage.master(MasterReport::TilesWanted(1));
-    let again = stage.holds([true, false]);
-    assert_eq!(granted(&again).iter().map(|grant| (grant.tile.0, grant.attempt.0)).collect::<Vec<_>>(), [(1, 1)]);
-    assert_eq!(stage.incidents(), ["the display lacks 1 tiles that were done: they are done again"]);
-    assert_eq!(stage.done(0, 1, 1), [stage.question()], "it is asked again");
-    // An answer to the first question, which was long under way.
-    let stale = DisplayReport::Holdings { question: 1, holdings: holdings([true; 2]) };
-    assert!(stage.display(stale).is_empty());
 }
 
 #[test]
