@@ -28,15 +28,20 @@ pub(crate) fn row(trial: &Trial, outcome: &Outcome) -> String {
         trial.kind.name(),
         trial.seed,
         if outcome.confirmed.is_empty() { "no" } else { "yes" },
-        quoted(outcome.verdict().to_owned()),
+        quoted(verdict(outcome).to_owned()),
         quoted(ends.join(" ")),
         outcome.seconds,
-        quoted(trial.settings()),
+        quoted(trial.sets.join(" ")),
         quoted(outcome.done.join("; ")),
         quoted(outcome.confirmed.join("; ")),
         quoted(outcome.faults.join("; ")),
         quoted(trial.command()),
     )
+}
+
+/// The first of its faults without the particulars.
+fn verdict(outcome: &Outcome) -> &str {
+    outcome.faults.first().map_or("good", |fault| fault.split(':').next().unwrap_or_default())
 }
 
 impl Campaign {
@@ -45,7 +50,7 @@ impl Campaign {
         let took_effect = !outcome.confirmed.is_empty();
         *if took_effect { &mut tally.runs } else { &mut tally.without_effect } += 1;
         if took_effect || !outcome.faults.is_empty() {
-            *tally.verdicts.entry(outcome.verdict().to_owned()).or_default() += 1;
+            *tally.verdicts.entry(verdict(outcome).to_owned()).or_default() += 1;
         }
         tally.longest_seconds = tally.longest_seconds.max(outcome.seconds);
     }

@@ -31,7 +31,7 @@ macro_rules! kinds {
     };
 }
 
-// Codes: 1 failed, 3 tiles are missing. Signals: 1 HUP, 3 QUIT, 6 ABRT, 9 KILL, 11 SEGV, 24 XCPU.
+// Codes: 1 failed, 3 tiles are missing, 128 + a signal. Signals: 1 HUP, 2 INT, 3 QUIT, 6 ABRT, 9 KILL, 11 SEGV, 15 TERM, 24 XCPU.
 kinds! {
     /// The disk has 4 KiB to 1 MiB from the beginning.
     DiskSmall "disk-small" => Code(1 | 3),
@@ -81,9 +81,9 @@ kinds! {
     /// The manager and perhaps some children are killed.
     KillManager "kill-manager" => Signal(9),
     /// The manager gets SIGINT, SIGTERM, SIGHUP or SIGQUIT, up to twice.
-    Interrupt "interrupt" => Code(129 | 130 | 131 | 143) | Signal(1 | 3),
+    Interrupt "interrupt" => Code(129 | 130 | 131 | 143) | Signal(1 | 2 | 3 | 15),
     /// A control group with little memory, whose processes the kernel kills.
     Memory "memory" => Code(1 | 3) | Signal(6 | 9),
     /// Two or three of the above together.
-    Mixed "mixed" => Code(0),
+    Mixed "mixed" => Code(1 | 3 | 129 | 130 | 131 | 143) | Signal(1 | 2 | 3 | 9 | 15),
 }

@@ -88,6 +88,17 @@ impl Surroundings {
         }
     }
 
+    /// All but the deeds, as a row tells it.
+    pub(crate) fn from_the_beginning(&self) -> String {
+        let Self { disk_bytes, disk_files, streams, limits, user, memory_bytes, deeds: _ } = self;
+        let limits: Vec<String> = limits.iter().map(Limit::option).collect();
+        let streams = if *streams == [Stream::File; 3] { String::new() } else { format!("{streams:?}") };
+        let given = [("files", disk_files), ("memory", memory_bytes)].into_iter();
+        let given = given.filter_map(|(what, number)| number.map(|number| format!(" {what} {number}")));
+        let user = user.map_or_else(String::new, |user| format!(" user {user}"));
+        format!("disk {disk_bytes}{}{user} {streams} {}", given.collect::<String>(), limits.join(" "))
+    }
+
     pub(crate) fn new(kind: Kind, random: &mut Random) -> Self {
         let mut new = Self::calm();
         new.disturb(kind, random);
@@ -133,8 +144,8 @@ impl Surroundings {
                 self.limits.push(Limit { resource: "nproc", value: random.between(1, 20) });
             }
             Kind::LimitFileSize => drop(self.limit("fsize", (1 << 9, 400 << 10), random)),
-            Kind::LimitAddresses => drop(self.limit("as", (8 << 20, 200 << 20), random)),
-            Kind::LimitData => drop(self.limit("data", (256 << 10, 32 << 20), random)),
+            Kind::LimitAddresses => drop(self.limit("as", (5 << 20, 40 << 20), random)),
+            Kind::LimitData => drop(self.limit("data", (512 << 10, 12 << 20), random)),
             Kind::LimitStack => {
                 self.limits.push(Limit { resource: "stack", value: random.between(8 << 10, 256 << 10) });
             }
@@ -242,6 +253,14 @@ impl Surroundings {
             0 => When::After(Duration::from_millis(u64::from(random.below(150)))),
             _ => When::Tiles(random.below(85)),
         }
+    }
+}
+
+impl Limit {
+    /// `prlimit`'s; processor time has the soft limit first.
+    pub(crate) fn option(&self) -> String {
+        let hard = if self.resource == "cpu" { self.value + 1 } else { self.value };
+        format!("--{}={}:{hard}", self.resource, self.value)
     }
 }
 

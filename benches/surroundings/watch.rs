@@ -46,8 +46,9 @@ pub(crate) struct Attempt {
     /// The manager's death was our doing.
     pub(crate) killed: bool,
     pub(crate) faults: Vec<String>,
-    /// All that was said on streams that could be read.
-    pub(crate) text: String,
+    /// On standard output and error, as far as they could be read.
+    pub(crate) said: String,
+    pub(crate) logs: String,
     pub(crate) keeps_errors: bool,
 }
 
@@ -79,7 +80,11 @@ pub(crate) fn attempt(
 ) -> Result<Attempt, String> {
     let disk = place.room.join("disk");
     let files = surroundings.disk_files.map_or_else(|| "nr_inodes=0".to_owned(), |files| format!("nr_inodes={files}"));
-    tool("mount", &format!("-o remount,size={},{files} {}", surroundings.disk_bytes, disk.display()))?;
+    let found = statvfs(&disk).map_err(|error| format!("{}: {error}", disk.display()))?;
+    let used = (found.blocks() - found.blocks_free()) * found.fragment_size();
+    // What an earlier attempt has written stays.
+    let bytes = surroundings.disk_bytes.max(used);
+    tool("mount", &format!("-o remount,size={bytes},{files} {}", disk.display()))?;
     let group = surroundings.memory_bytes.map(MemoryGroup::new).transpose()?;
     let mut filler = None;
     if surroundings.deeds.iter().any(|(_, deed)| matches!(deed, Deed::Fill(_))) {
@@ -119,11 +124,13 @@ pub(crate) fn attempt(
             confirmed,
             killed: false,
             faults: Vec::new(),
-            text: String::new(),
+            said: String::new(),
+            logs: String::new(),
             keeps_errors: pipes.keeps_errors(),
         },
     };
     let mut deeds = surroundings.deeds.clone();
+    watch.attempt.done.push(surroundings.from_the_beginning());
     while watch.attempt.end == End::Hang && watch.start.elapsed() < PATIENCE {
         let share = fs::metadata(journal).map_or(0, |found| found.len() * 100 / journal_bytes);
         pipes.step(watch.start.elapsed());
@@ -217,8 +224,10 @@ impl Watch<'_> {
 
     fn choose(&self, to: Targets) -> Vec<Process> {
         let is_manager = |process: &Process| process.pid == self.manager;
-        let (mut chosen, children): (Vec<Process>, Vec<Process>) =
+        let (mut chosen, mut children): (Vec<Process>, Vec<Process>) =
             self.place.processes().into_iter().partition(is_manager);
+        // Until a child is its own program, its parent waits for it in the kernel: stopping it stops both.
+        children.retain(|process| process.name != "marti");
         if !to.manager {
             chosen.clear();
         }
@@ -303,8 +312,23 @@ impl Watch<'_> {
         }
     }
 
+    /// Of a signal other than SIGKILL.
+    fn confirm_by_end(&mut self) {
+        let asks = |(_, deed): &&(When, Deed)| match deed {
+            Deed::Signal(signal, to) if to.manager => {
+                let signal = *signal as i32;
+                [End::Signal(signal), End::Code(128 + signal)].contains(&self.attempt.end)
+            }
+            _ => false,
+        };
+        if self.surroundings.deeds.iter().any(|deed| asks(&deed)) {
+            self.attempt.confirmed.push(format!("the manager ended with {:?}", self.attempt.end));
+        }
+    }
+
     fn finish(mut self, manager: &mut Child, mut pipes: Pipes, group: Option<MemoryGroup>) -> Attempt {
         self.look_at_disk();
+        self.confirm_by_end();
         if self.attempt.end == End::Hang {
             let stands: Vec<String> = self.place.processes().iter().map(Process::whereabouts).collect();
             self.attempt.faults.push(format!("hang: {}", stands.join(", ")));
@@ -325,8 +349,9 @@ impl Watch<'_> {
         if let Some(shown) = self.streams_shown {
             self.attempt.confirmed.push(shown);
         }
-        self.attempt.text = pipes.text() + &logs(&self.disk);
-        let refusals: Vec<&str> = REFUSALS.into_iter().filter(|refusal| self.attempt.text.contains(refusal)).collect();
+        (self.attempt.said, self.attempt.logs) = (pipes.text(), logs(&self.disk));
+        let is_there = |refusal: &&str| self.attempt.said.contains(refusal) || self.attempt.logs.contains(refusal);
+        let refusals: Vec<&str> = REFUSALS.into_iter().filter(is_there).collect();
         let has_limit = |(_, deed): &(When, Deed)| matches!(deed, Deed::Limit(..));
         let is_limited = !self.surroundings.limits.is_empty() || self.surroundings.deeds.iter().any(has_limit);
         // Limits that nothing meets are confirmed by themselves.
@@ -341,13 +366,14 @@ impl Watch<'_> {
     }
 }
 
-impl Limit {
-    /// `prlimit`'s; processor time has the soft limit first.
-    fn option(&self) -> String {
-        let hard = if self.resource == "cpu" { self.value + 1 } else { self.value };
-        format!("--{}={}:{hard}", self.resource, self.value)
+impl Attempt {
+    /// The manager's last word, without which it may not fail.
+    pub(crate) fn error(&self) -> &str {
+        self.said.lines().find(|line| line.contains("error")).unwrap_or_default()
     }
+}
 
+impl Limit {
     fn is_shown(&self, pid: u32) -> bool {
         let label = match self.resource {
             "nofile" => "Max open files",
