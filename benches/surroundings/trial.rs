@@ -55,7 +55,7 @@ impl Trial {
         let mut random = Random::new(seed ^ (kind as u64) << 32);
         let scene = random.pick(&[("teapot", 6), ("balls", 3)]);
         // A second of processor time has to be needed.
-        let side = if kind == Kind::LimitProcessor { 480 } else { random.pick(&[128, 160]) };
+        let side = if kind == Kind::LimitProcessor { 320 } else { random.pick(&[128, 160]) };
         let memory = random.pick(&["\"all\"", "1/8", "1/8", "4 KiB"]);
         let memory = if kind == Kind::LimitProcessor { "4 KiB" } else { memory };
         let clusters = 1 + random.below(2);
@@ -125,7 +125,7 @@ impl Trial {
             }
             let attempt = self.attempt(place, surroundings, &out, number)?;
             let end = attempt.end;
-            self.judge(&attempt, &out, expected, &mut outcome);
+            self.judge(&attempt, surroundings, &out, expected, &mut outcome);
             outcome.take(attempt);
             if end == End::Code(0) {
                 break;
@@ -175,15 +175,23 @@ impl Trial {
         attempt(place, surroundings, &arguments, (&out.join("tiles"), bytes), &format!("stream-{n}"))
     }
 
-    fn judge(&self, attempt: &Attempt, out: &Path, expected: &Expected, outcome: &mut Outcome) {
+    fn judge(
+        &self,
+        attempt: &Attempt,
+        surroundings: &Surroundings,
+        out: &Path,
+        expected: &Expected,
+        outcome: &mut Outcome,
+    ) {
         let end = attempt.end;
         let is_good = end == End::Code(0);
         let is_ours = attempt.killed && end == End::Signal(9);
-        // 127: the system could not start it.
-        if !is_good && !self.kind.allows(end) && !is_ours && end != End::Hang && end != End::Code(127) {
+        let never_began = !surroundings.limits.is_empty() && attempt.could_not_begin();
+        if !is_good && !self.kind.allows(end) && !is_ours && end != End::Hang && !never_began {
             outcome.faults.push(format!("ended with {end:?}: {}", attempt.error()));
         }
-        let is_silent = matches!(end, End::Code(1..)) && attempt.keeps_errors && attempt.error().is_empty();
+        let is_silent =
+            matches!(end, End::Code(1..) | End::Signal(6)) && attempt.keeps_errors && attempt.error().is_empty();
         if is_silent {
             outcome.faults.push(format!("ended with {end:?} without a word"));
         }

@@ -18,7 +18,7 @@ use crate::place::{Place, Process, tool};
 use crate::surroundings::{Deed, Limit, Surroundings, Targets, When};
 
 /// A run that takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(120);
 /// For what the manager leaves behind: twice the deadline for heartbeats, the grace of an orphan, and a slow machine.
 pub(crate) const ORPHAN_PATIENCE: Duration = Duration::from_secs(10);
 /// For a signal to be seen in /proc.
@@ -356,7 +356,7 @@ impl Watch<'_> {
         let is_limited = !self.surroundings.limits.is_empty() || self.surroundings.deeds.iter().any(has_limit);
         // Limits that nothing meets are confirmed by themselves.
         let is_met = self.attempt.end != End::Code(0) || !refusals.is_empty() || self.surroundings.limits.len() > 1;
-        if is_limited && self.limits_shown && is_met && self.attempt.end != End::Code(127) {
+        if is_limited && self.limits_shown && is_met && !self.attempt.could_not_begin() {
             self.attempt.confirmed.push(format!("limit: in /proc/PID/limits; {:?} {refusals:?}", self.attempt.end));
         }
         if self.surroundings.disk_bytes < 2 << 20 && refusals.contains(&"os error 28)") {
@@ -367,9 +367,15 @@ impl Watch<'_> {
 }
 
 impl Attempt {
+    /// The system has no room to load the program, or its loader has none for the libraries.
+    pub(crate) fn could_not_begin(&self) -> bool {
+        let by_system = matches!(self.end, End::Signal(9 | 11)) && self.said.is_empty();
+        self.end == End::Code(127) || (by_system && !self.killed)
+    }
+
     /// The manager's last word, without which it may not fail.
     pub(crate) fn error(&self) -> &str {
-        self.said.lines().find(|line| line.contains("error")).unwrap_or_default()
+        self.said.lines().find(|line| line.contains("error") || line.contains("failed")).unwrap_or_default()
     }
 }
 
