@@ -1,6 +1,8 @@
 //! A slice of the campaign of hostile surroundings (docs/chaos.md): one run of each kind, as many as its time
 //! allows. The whole is `cargo bench --bench surroundings`.
 
+#[path = "../benches/surroundings/disk.rs"]
+mod disk;
 #[path = "../benches/surroundings/kind.rs"]
 mod kind;
 #[path = "../benches/surroundings/machine.rs"]
@@ -57,7 +59,7 @@ fn hostile_surroundings_leave_the_right_image_or_a_clear_failure_and_nothing_els
             fs::create_dir(&room).expect("a folder");
             let outcome = trial.run(&room, &expected, None)?;
             assert!(outcome.faults.is_empty(), "{:#?}\n{:#?}\n{}", outcome.faults, outcome.done, trial.command());
-            took_effect.fetch_add(usize::from(!outcome.confirmed.is_empty()), Ordering::Relaxed);
+            took_effect.fetch_add(usize::from(kind.took_effect(&outcome.confirmed)), Ordering::Relaxed);
         }
         Ok(())
     };

@@ -27,7 +27,7 @@ pub(crate) fn row(trial: &Trial, outcome: &Outcome) -> String {
         "{},{},{},{},{},{:.1},{},{},{},{},{}",
         trial.kind.name(),
         trial.seed,
-        if outcome.confirmed.is_empty() { "no" } else { "yes" },
+        if trial.kind.took_effect(&outcome.confirmed) { "yes" } else { "no" },
         quoted(verdict(outcome).to_owned()),
         quoted(ends.join(" ")),
         outcome.seconds,
@@ -47,7 +47,7 @@ fn verdict(outcome: &Outcome) -> &str {
 impl Campaign {
     pub(crate) fn add(&mut self, trial: &Trial, outcome: &Outcome) {
         let tally = self.0.entry(trial.kind).or_default();
-        let took_effect = !outcome.confirmed.is_empty();
+        let took_effect = trial.kind.took_effect(&outcome.confirmed);
         *if took_effect { &mut tally.runs } else { &mut tally.without_effect } += 1;
         if took_effect || !outcome.faults.is_empty() {
             *tally.verdicts.entry(verdict(outcome).to_owned()).or_default() += 1;

@@ -9,6 +9,7 @@
 //! any run was not as it must be.
 
 mod campaign;
+mod disk;
 mod kind;
 mod machine;
 mod memory_group;

@@ -89,7 +89,7 @@ impl Surroundings {
     }
 
     /// All but the deeds, as a row tells it.
-    pub(crate) fn from_the_beginning(&self) -> String {
+    pub(crate) fn outset(&self) -> String {
         let Self { disk_bytes, disk_files, streams, limits, user, memory_bytes, deeds: _ } = self;
         let limits: Vec<String> = limits.iter().map(Limit::option).collect();
         let streams = if *streams == [Stream::File; 3] { String::new() } else { format!("{streams:?}") };
