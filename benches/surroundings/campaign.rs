@@ -27,11 +27,11 @@ pub(crate) fn row(trial: &Trial, outcome: &Outcome) -> String {
         "{},{},{},{},{},{:.1},{},{},{},{},{}",
         trial.kind.name(),
         trial.seed,
-        if outcome.confirmed.is_empty() { "no" } else { "yes" },
-        quoted(outcome.verdict().to_owned()),
+        if trial.kind.took_effect(&outcome.confirmed) { "yes" } else { "no" },
+        quoted(verdict(outcome).to_owned()),
         quoted(ends.join(" ")),
         outcome.seconds,
-        quoted(trial.settings()),
+        quoted(trial.sets.join(" ")),
         quoted(outcome.done.join("; ")),
         quoted(outcome.confirmed.join("; ")),
         quoted(outcome.faults.join("; ")),
@@ -39,13 +39,18 @@ pub(crate) fn row(trial: &Trial, outcome: &Outcome) -> String {
     )
 }
 
+/// The first of its faults without the particulars.
+fn verdict(outcome: &Outcome) -> &str {
+    outcome.faults.first().map_or("good", |fault| fault.split(':').next().unwrap_or_default())
+}
+
 impl Campaign {
     pub(crate) fn add(&mut self, trial: &Trial, outcome: &Outcome) {
         let tally = self.0.entry(trial.kind).or_default();
-        let took_effect = !outcome.confirmed.is_empty();
+        let took_effect = trial.kind.took_effect(&outcome.confirmed);
         *if took_effect { &mut tally.runs } else { &mut tally.without_effect } += 1;
         if took_effect || !outcome.faults.is_empty() {
-            *tally.verdicts.entry(outcome.verdict().to_owned()).or_default() += 1;
+            *tally.verdicts.entry(verdict(outcome).to_owned()).or_default() += 1;
         }
         tally.longest_seconds = tally.longest_seconds.max(outcome.seconds);
     }

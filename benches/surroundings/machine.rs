@@ -5,10 +5,11 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// A line each: the devices that everything uses, the mounts, the control groups.
+/// A line each: the devices that everything uses, the mounts, the control groups of trials.
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Machine(BTreeSet<String>);
 
+pub(crate) const GROUP_PREFIX: &str = "marti-surroundings-";
 /// As they are made in a private /dev: name and number.
 pub(crate) const DEVICES: [(&str, u64, u64); 6] =
     [("null", 1, 3), ("zero", 1, 5), ("full", 1, 7), ("random", 1, 8), ("urandom", 1, 9), ("tty", 5, 0)];
@@ -43,7 +44,10 @@ fn add_groups(folder: &Path, lines: &mut BTreeSet<String>) {
     // Without control groups there are none to leave behind.
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
-        lines.insert(entry.path().display().to_string());
+        // Others make groups of their own at any time.
+        if entry.file_name().to_string_lossy().starts_with(GROUP_PREFIX) {
+            lines.insert(entry.path().display().to_string());
+        }
         add_groups(&entry.path(), lines);
     }
 }

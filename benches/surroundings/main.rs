@@ -9,6 +9,7 @@
 //! any run was not as it must be.
 
 mod campaign;
+mod disk;
 mod kind;
 mod machine;
 mod memory_group;
@@ -31,7 +32,6 @@ use campaign::Campaign;
 use kind::Kind;
 use machine::Machine;
 use trial::{Expected, Trial};
-use undisturbed::undisturbed;
 
 /// Seeds a run that counts may take.
 const TRIES: usize = 5;
@@ -51,11 +51,7 @@ fn main() -> ExitCode {
                 break;
             }
             let trial = Trial::new(kind, seed);
-            let (scene, side) = trial.image();
-            let expected = images.entry((scene, side)).or_insert_with(|| {
-                let sha256 = undisturbed(scene, side, temporary.path());
-                Expected { sha256, png: fs::read(temporary.path().join("render.png")).expect("an image") }
-            });
+            let expected = images.entry(trial.image()).or_insert_with(|| Expected::of(&trial, temporary.path()));
             let before = Machine::now();
             let mut outcome = match trial.run(&room, expected, options.keep.as_deref()) {
                 Ok(outcome) => outcome,

@@ -88,6 +88,17 @@ impl Surroundings {
         }
     }
 
+    /// All but the deeds, as a row tells it.
+    pub(crate) fn outset(&self) -> String {
+        let Self { disk_bytes, disk_files, streams, limits, user, memory_bytes, deeds: _ } = self;
+        let limits: Vec<String> = limits.iter().map(Limit::option).collect();
+        let streams = if *streams == [Stream::File; 3] { String::new() } else { format!("{streams:?}") };
+        let given = [("files", disk_files), ("memory", memory_bytes)].into_iter();
+        let given = given.filter_map(|(what, number)| number.map(|number| format!(" {what} {number}")));
+        let user = user.map_or_else(String::new, |user| format!(" user {user}"));
+        format!("disk {disk_bytes}{}{user} {streams} {}", given.collect::<String>(), limits.join(" "))
+    }
+
     pub(crate) fn new(kind: Kind, random: &mut Random) -> Self {
         let mut new = Self::calm();
         new.disturb(kind, random);
@@ -120,21 +131,15 @@ impl Surroundings {
             Kind::StreamsSlow => {
                 self.set_streams(1, random, |random| Stream::Slow(Duration::from_millis(random.between(500, 5000))));
             }
-            Kind::LimitFiles => {
-                let is_later = self.limit("nofile", (3, 40), random);
-                if is_later {
-                    // Who has all connections opens nothing any more but for a successor.
-                    self.deeds.push((self.deeds[0].0, Deed::Signal(Signal::SIGKILL, Targets::children(random))));
-                }
-            }
+            Kind::LimitFiles => self.limit("nofile", (3, 40), random),
             Kind::LimitProcesses => {
                 // Nobody else's processes count.
                 self.user = Some(50_000 + random.below(10_000));
                 self.limits.push(Limit { resource: "nproc", value: random.between(1, 20) });
             }
-            Kind::LimitFileSize => drop(self.limit("fsize", (1 << 9, 400 << 10), random)),
-            Kind::LimitAddresses => drop(self.limit("as", (8 << 20, 200 << 20), random)),
-            Kind::LimitData => drop(self.limit("data", (256 << 10, 32 << 20), random)),
+            Kind::LimitFileSize => self.limit("fsize", (1 << 9, 400 << 10), random),
+            Kind::LimitAddresses => self.limit("as", (12 << 20, 48 << 20), random),
+            Kind::LimitData => self.limit("data", (512 << 10, 12 << 20), random),
             Kind::LimitStack => {
                 self.limits.push(Limit { resource: "stack", value: random.between(8 << 10, 256 << 10) });
             }
@@ -223,17 +228,16 @@ impl Surroundings {
         }
     }
 
-    /// Whether it comes later.
-    fn limit(&mut self, resource: &'static str, (low, high): (u64, u64), random: &mut Random) -> bool {
+    fn limit(&mut self, resource: &'static str, (low, high): (u64, u64), random: &mut Random) {
         let limit = Limit { resource, value: random.between(low, high) };
-        let is_later = random.once_in(2);
-        if is_later {
-            let targets = if random.once_in(2) { Targets::manager(random) } else { Targets::children(random) };
-            self.deeds.push((self.when(random), Deed::Limit(limit, targets)));
-        } else {
-            self.limits.push(limit);
+        if random.once_in(2) {
+            return self.limits.push(limit);
         }
-        is_later
+        let when = self.when(random);
+        let targets = if random.once_in(3) { Targets::children(random) } else { Targets::manager(random) };
+        self.deeds.push((when, Deed::Limit(limit, targets)));
+        // A process that has all that it needs takes no more, but for a successor of another.
+        self.deeds.push((when, Deed::Signal(Signal::SIGKILL, Targets::children(random))));
     }
 
     /// While processes start, or while they render.
@@ -242,6 +246,14 @@ impl Surroundings {
             0 => When::After(Duration::from_millis(u64::from(random.below(150)))),
             _ => When::Tiles(random.below(85)),
         }
+    }
+}
+
+impl Limit {
+    /// `prlimit`'s; processor time has the soft limit first.
+    pub(crate) fn option(&self) -> String {
+        let hard = if self.resource == "cpu" { self.value + 1 } else { self.value };
+        format!("--{}={}:{hard}", self.resource, self.value)
     }
 }
 

@@ -1,7 +1,6 @@
 //! One process and its children, from the beginning to the end of the last: what is done to them, and that it took effect.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
@@ -9,8 +8,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
-use nix::sys::statvfs::statvfs;
 
+use crate::disk::Disk;
 use crate::kind::End;
 use crate::memory_group::MemoryGroup;
 use crate::pipes::Pipes;
@@ -18,21 +17,25 @@ use crate::place::{Place, Process, tool};
 use crate::surroundings::{Deed, Limit, Surroundings, Targets, When};
 
 /// A run that takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(120);
 /// For what the manager leaves behind: twice the deadline for heartbeats, the grace of an orphan, and a slow machine.
 pub(crate) const ORPHAN_PATIENCE: Duration = Duration::from_secs(10);
 /// For a signal to be seen in /proc.
 const SIGNAL_PATIENCE: Duration = Duration::from_secs(1);
 const STEP: Duration = Duration::from_millis(3);
 /// Rust's programs and the system's say such things where a limit is met.
-const REFUSALS: [&str; 8] = [
+const REFUSALS: [&str; 12] = [
     "os error 11)",
     "os error 12)",
     "os error 23)",
     "os error 24)",
     "os error 27)",
     "os error 28)",
-    "died of signal",
+    "died of signal 6 ",
+    "died of signal 11 ",
+    "died of signal 24 ",
+    "died of signal 25 ",
+    "os error 7)",
     "memory allocation of",
 ];
 
@@ -46,20 +49,18 @@ pub(crate) struct Attempt {
     /// The manager's death was our doing.
     pub(crate) killed: bool,
     pub(crate) faults: Vec<String>,
-    /// All that was said on streams that could be read.
-    pub(crate) text: String,
+    /// On standard output and error, as far as they could be read.
+    pub(crate) said: String,
+    pub(crate) logs: String,
     pub(crate) keeps_errors: bool,
 }
 
 pub(crate) struct Watch<'a> {
     place: &'a Place,
     surroundings: &'a Surroundings,
-    disk: PathBuf,
+    disk: Disk,
     manager: u32,
     start: Instant,
-    filler: Option<File>,
-    /// Until when the disk is kept full.
-    full: Option<Option<Duration>>,
     /// Whom to let go on, and when.
     stopped: Vec<(Process, Option<Duration>)>,
     limits_shown: bool,
@@ -77,17 +78,11 @@ pub(crate) fn attempt(
     (journal, journal_bytes): (&Path, u64),
     name: &str,
 ) -> Result<Attempt, String> {
-    let disk = place.room.join("disk");
-    let files = surroundings.disk_files.map_or_else(|| "nr_inodes=0".to_owned(), |files| format!("nr_inodes={files}"));
-    tool("mount", &format!("-o remount,size={},{files} {}", surroundings.disk_bytes, disk.display()))?;
+    let disk = Disk::new(place.room.join("disk"), surroundings)?;
     let group = surroundings.memory_bytes.map(MemoryGroup::new).transpose()?;
-    let mut filler = None;
-    if surroundings.deeds.iter().any(|(_, deed)| matches!(deed, Deed::Fill(_))) {
-        filler = Some(File::create(disk.join("filler")).map_err(|error| format!("a file to fill the disk: {error}"))?);
-    }
 
     let mut command = Command::new("sh");
-    let mut pipes = Pipes::attach(&mut command, surroundings.streams, &place.room, &disk, name);
+    let mut pipes = Pipes::attach(&mut command, surroundings.streams, &place.room, &disk.folder, name);
     let joins = group.as_ref().map(|group| format!("echo $$ >{}/cgroup.procs; ", group.folder.display()));
     let script = format!("{}exec \"$@\"{}", joins.unwrap_or_default(), pipes.closings());
     command.args(["-c", &script, "sh", "prlimit"]);
@@ -107,10 +102,8 @@ pub(crate) fn attempt(
         disk,
         manager: manager.id(),
         start: Instant::now(),
-        filler,
-        full: None,
         stopped: Vec::new(),
-        limits_shown: surroundings.limits.is_empty(),
+        limits_shown: false,
         streams_shown: None,
         abandoned: None,
         attempt: Attempt {
@@ -119,11 +112,13 @@ pub(crate) fn attempt(
             confirmed,
             killed: false,
             faults: Vec::new(),
-            text: String::new(),
+            said: String::new(),
+            logs: String::new(),
             keeps_errors: pipes.keeps_errors(),
         },
     };
     let mut deeds = surroundings.deeds.clone();
+    watch.attempt.done.push(surroundings.outset());
     while watch.attempt.end == End::Hang && watch.start.elapsed() < PATIENCE {
         let share = fs::metadata(journal).map_or(0, |found| found.len() * 100 / journal_bytes);
         pipes.step(watch.start.elapsed());
@@ -144,7 +139,7 @@ impl Watch<'_> {
         if !begun {
             return;
         }
-        if !self.limits_shown {
+        if !self.limits_shown && !self.surroundings.limits.is_empty() {
             self.limits_shown = self.surroundings.limits.iter().all(|limit| limit.is_shown(self.manager));
         }
         if self.streams_shown.is_none() {
@@ -161,12 +156,6 @@ impl Watch<'_> {
             }
             !is_due
         });
-        if self.full.is_some_and(|until| until.is_some_and(|until| elapsed >= until)) {
-            self.empty();
-        }
-        if self.full.is_some() {
-            self.fill();
-        }
         self.stopped.retain(|(process, until)| {
             let stays = until.is_none_or(|until| elapsed < until);
             if !stays {
@@ -174,17 +163,14 @@ impl Watch<'_> {
             }
             stays
         });
-        self.look_at_disk();
+        self.disk.step(elapsed);
         self.look_after_abandoned();
     }
 
     fn carry_out(&mut self, deed: Deed) {
         let elapsed = self.start.elapsed();
         match deed {
-            Deed::Fill(time) => {
-                self.full = Some(time.map(|time| elapsed + time));
-                self.fill();
-            }
+            Deed::Fill(time) => self.disk.fill_until(time.map(|time| elapsed + time)),
             Deed::Signal(signal, to) => {
                 let targets = self.choose(to);
                 targets.iter().for_each(|process| process.signal(signal));
@@ -206,19 +192,21 @@ impl Watch<'_> {
             }
             Deed::Limit(limit, to) => {
                 let targets = self.choose(to);
-                for process in &targets {
+                for pid in targets.iter().filter_map(Process::inner_pid) {
                     // It may have ended just now.
-                    let _ = tool("prlimit", &format!("--pid {} {}", process.pid, limit.option()));
+                    let _ = tool("prlimit", &format!("--pid {pid} {}", limit.option()));
                 }
-                self.limits_shown |= targets.iter().any(|process| limit.is_shown(process.pid));
+                self.limits_shown |= targets.iter().all(|process| limit.is_shown(process.pid));
             }
         }
     }
 
     fn choose(&self, to: Targets) -> Vec<Process> {
         let is_manager = |process: &Process| process.pid == self.manager;
-        let (mut chosen, children): (Vec<Process>, Vec<Process>) =
+        let (mut chosen, mut children): (Vec<Process>, Vec<Process>) =
             self.place.processes().into_iter().partition(is_manager);
+        // Until a child is its own program, its parent waits for it in the kernel: stopping it stops both.
+        children.retain(|process| process.name != "marti");
         if !to.manager {
             chosen.clear();
         }
@@ -247,44 +235,6 @@ impl Watch<'_> {
         }
     }
 
-    /// Until nothing goes in any more.
-    fn fill(&mut self) {
-        let Some(filler) = &mut self.filler else { return };
-        let chunk = vec![b'#'; 64 << 10];
-        loop {
-            match filler.write(&chunk) {
-                Ok(_) => {}
-                Err(error) if error.kind() == ErrorKind::StorageFull => break,
-                Err(error) => panic!("a disk cannot be filled: {error}"),
-            }
-        }
-        self.look_at_disk();
-    }
-
-    fn empty(&mut self) {
-        self.full = None;
-        if let Some(filler) = &mut self.filler {
-            filler.set_len(0).expect("our own file can be emptied");
-            // The next byte goes to the beginning again.
-            std::io::Seek::rewind(filler).expect("our own file");
-        }
-    }
-
-    fn look_at_disk(&mut self) {
-        let found = statvfs(&self.disk).expect("a file system of ours");
-        let (blocks, files) = (found.blocks_free(), found.files_free());
-        let is_full = blocks == 0 || (self.surroundings.disk_files.is_some() && files == 0);
-        if !is_full || self.attempt.confirmed.iter().any(|what| what.starts_with("disk")) {
-            return;
-        }
-        let probe = self.disk.join("probe");
-        let written = OpenOptions::new().create(true).append(true).open(&probe).and_then(|mut file| file.write(b"?"));
-        let _ = fs::remove_file(&probe);
-        if written.is_err_and(|error| error.kind() == ErrorKind::StorageFull) {
-            self.attempt.confirmed.push(format!("disk: {blocks} blocks and {files} files free, a byte was refused"));
-        }
-    }
-
     /// Once the children of a manager that is stopped for ever have ended, it is killed.
     fn look_after_abandoned(&mut self) {
         let Some(since) = self.abandoned else { return };
@@ -303,8 +253,22 @@ impl Watch<'_> {
         }
     }
 
+    /// Of a signal other than SIGKILL.
+    fn confirm_by_end(&mut self) {
+        let asks = |(_, deed): &&(When, Deed)| match deed {
+            Deed::Signal(signal, to) if to.manager => {
+                let signal = *signal as i32;
+                [End::Signal(signal), End::Code(128 + signal)].contains(&self.attempt.end)
+            }
+            _ => false,
+        };
+        if self.surroundings.deeds.iter().any(|deed| asks(&deed)) {
+            self.attempt.confirmed.push(format!("the manager ended with {:?}", self.attempt.end));
+        }
+    }
+
     fn finish(mut self, manager: &mut Child, mut pipes: Pipes, group: Option<MemoryGroup>) -> Attempt {
-        self.look_at_disk();
+        self.confirm_by_end();
         if self.attempt.end == End::Hang {
             let stands: Vec<String> = self.place.processes().iter().map(Process::whereabouts).collect();
             self.attempt.faults.push(format!("hang: {}", stands.join(", ")));
@@ -317,21 +281,19 @@ impl Watch<'_> {
             self.attempt.faults.push(format!("orphan: {}", orphan.whereabouts()));
             orphan.signal(Signal::SIGKILL);
         }
-        self.empty();
-        drop(self.filler.take());
-        let _ = fs::remove_file(self.disk.join("filler"));
+        self.disk.release();
+        self.attempt.confirmed.extend(self.disk.confirmed.take());
         pipes.drain();
         self.attempt.confirmed.extend(group.as_ref().and_then(MemoryGroup::effect));
         if let Some(shown) = self.streams_shown {
             self.attempt.confirmed.push(shown);
         }
-        self.attempt.text = pipes.text() + &logs(&self.disk);
-        let refusals: Vec<&str> = REFUSALS.into_iter().filter(|refusal| self.attempt.text.contains(refusal)).collect();
-        let has_limit = |(_, deed): &(When, Deed)| matches!(deed, Deed::Limit(..));
-        let is_limited = !self.surroundings.limits.is_empty() || self.surroundings.deeds.iter().any(has_limit);
+        (self.attempt.said, self.attempt.logs) = (pipes.text(), logs(&self.disk.folder));
+        let is_there = |refusal: &&str| self.attempt.said.contains(refusal) || self.attempt.logs.contains(refusal);
+        let refusals: Vec<&str> = REFUSALS.into_iter().filter(is_there).collect();
         // Limits that nothing meets are confirmed by themselves.
         let is_met = self.attempt.end != End::Code(0) || !refusals.is_empty() || self.surroundings.limits.len() > 1;
-        if is_limited && self.limits_shown && is_met && self.attempt.end != End::Code(127) {
+        if self.limits_shown && is_met && !self.attempt.could_not_begin() {
             self.attempt.confirmed.push(format!("limit: in /proc/PID/limits; {:?} {refusals:?}", self.attempt.end));
         }
         if self.surroundings.disk_bytes < 2 << 20 && refusals.contains(&"os error 28)") {
@@ -341,13 +303,20 @@ impl Watch<'_> {
     }
 }
 
-impl Limit {
-    /// `prlimit`'s; processor time has the soft limit first.
-    fn option(&self) -> String {
-        let hard = if self.resource == "cpu" { self.value + 1 } else { self.value };
-        format!("--{}={}:{hard}", self.resource, self.value)
+impl Attempt {
+    /// The system has no room to load the program, or its loader has none for the libraries.
+    pub(crate) fn could_not_begin(&self) -> bool {
+        let by_system = matches!(self.end, End::Signal(9 | 11)) && self.said.is_empty();
+        self.end == End::Code(127) || (by_system && !self.killed)
     }
 
+    /// The manager's last word, without which it may not fail.
+    pub(crate) fn error(&self) -> &str {
+        self.said.lines().find(|line| line.contains("error") || line.contains("failed")).unwrap_or_default()
+    }
+}
+
+impl Limit {
     fn is_shown(&self, pid: u32) -> bool {
         let label = match self.resource {
             "nofile" => "Max open files",
