@@ -58,7 +58,6 @@ fn hostile_surroundings_leave_the_right_image_or_a_clear_failure_and_nothing_els
             let room = folder.path().join(kind.name());
             fs::create_dir(&room).expect("a folder");
             let outcome = trial.run(&room, &expected, None)?;
-            eprintln!("{} seed 0, {}: {}", kind.name(), trial.settings(), outcome.verdict());
             assert!(outcome.faults.is_empty(), "{:#?}\n{:#?}\n{}", outcome.faults, outcome.done, trial.command());
             took_effect.fetch_add(usize::from(kind.took_effect(&outcome.confirmed)), Ordering::Relaxed);
         }
