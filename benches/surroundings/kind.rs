@@ -84,7 +84,7 @@ kinds! {
     /// The manager, and perhaps some children, are stopped, and go on later.
     StopManager "stop-manager" ["in state T"] => Code(1 | 3),
     /// The manager is stopped for ever: its children have to end by themselves.
-    StopManagerForEver "stop-manager-for-ever" ["in state T", "the manager"] => Signal(9),
+    StopManagerForEver "stop-manager-for-ever" ["in state T"] => Signal(9),
     /// Some children are killed, once or twice.
     KillChildren "kill-children" ["gone"] => Code(0),
     /// The manager and perhaps some children are killed.

@@ -100,6 +100,13 @@ impl Process {
         let _ = kill(Pid::from_raw(self.pid as i32), signal);
     }
 
+    /// As the tools that run in the namespaces know it.
+    pub(crate) fn inner_pid(&self) -> Option<u32> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.pid)).ok()?;
+        let pids = status.lines().find_map(|line| line.strip_prefix("NSpid:"))?;
+        pids.split_whitespace().next_back()?.parse().ok()
+    }
+
     /// For who looks into a hang.
     pub(crate) fn whereabouts(&self) -> String {
         let waits = fs::read_to_string(format!("/proc/{}/wchan", self.pid)).unwrap_or_default();

@@ -192,11 +192,11 @@ impl Watch<'_> {
             }
             Deed::Limit(limit, to) => {
                 let targets = self.choose(to);
-                for process in &targets {
+                for pid in targets.iter().filter_map(Process::inner_pid) {
                     // It may have ended just now.
-                    let _ = tool("prlimit", &format!("--pid {} {}", process.pid, limit.option()));
+                    let _ = tool("prlimit", &format!("--pid {pid} {}", limit.option()));
                 }
-                self.limits_shown |= targets.iter().any(|process| limit.is_shown(process.pid));
+                self.limits_shown |= targets.iter().all(|process| limit.is_shown(process.pid));
             }
         }
     }
