@@ -138,7 +138,7 @@ impl Surroundings {
                 self.limits.push(Limit { resource: "nproc", value: random.between(1, 20) });
             }
             Kind::LimitFileSize => self.limit("fsize", (1 << 9, 400 << 10), random),
-            Kind::LimitAddresses => self.limit("as", (12 << 20, 48 << 20), random),
+            Kind::LimitAddresses => self.limit("as", (8 << 20, 24 << 20), random),
             Kind::LimitData => self.limit("data", (512 << 10, 12 << 20), random),
             Kind::LimitStack => {
                 self.limits.push(Limit { resource: "stack", value: random.between(8 << 10, 256 << 10) });
