@@ -30,7 +30,9 @@ impl Disk {
         let found = statvfs(&folder).map_err(|error| format!("{at}: {error}"))?;
         // What an earlier attempt has written stays.
         let used = (found.blocks() - found.blocks_free()) * found.fragment_size();
-        let (bytes, files) = (surroundings.disk_bytes.max(used), surroundings.disk_files);
+        let used_files = found.files() - found.files_free();
+        let files = surroundings.disk_files.map(|files| files.max(used_files));
+        let bytes = surroundings.disk_bytes.max(used);
         tool("mount", &format!("-o remount,size={bytes},nr_inodes={} {at}", files.unwrap_or(0)))?;
         let mut filler = None;
         if surroundings.deeds.iter().any(|(_, deed)| matches!(deed, Deed::Fill(_))) {
