@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// What earlier processes wrote, by number.
-const EARLIER: &str = "earlier";
+pub(super) const EARLIER: &str = "earlier";
 
 /// The right to write into a folder. It ends with its holder, whatever that dies of.
 #[derive(Debug)]

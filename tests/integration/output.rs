@@ -101,7 +101,7 @@ fn processes_that_do_not_come_up_leave_an_earlier_runs_results_as_they_were() {
     let before = contents(&out);
     let topology = folder.path().join("elsewhere.toml");
     let text = fs::read_to_string(out.join("topology.toml")).expect("a topology");
-    let hosts = "[[host]]\nname = 'a'\nnodes = 0\n[[host]]\nname = 'b'\nlaunch = ['false']\nnodes = 1\ndisplay = true\n";
+    let hosts = "[[host]]\nname = 'a'\nnodes = 0\n[[host]]\nname = 'b'\nbind = '127.0.0.2'\nlaunch = ['false', '{program}']\nnodes = 1\ndisplay = true\n";
     fs::write(&topology, format!("{text}\n{hosts}")).expect("writable folder");
     let mut command = marti();
     command.args(["run", "--quiet", "--insecure", "--set", "cluster.nodes=1", "--out"]).arg(&out).arg(&topology);

@@ -70,3 +70,101 @@ impl State {
 fn is_bus(id: ProcessId) -> bool {
     matches!(id.role, Role::Bus(_))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::super::ending::Cause;
+    use super::super::process::Report;
+    use super::super::sample;
+    use super::super::state::Event;
+    use super::*;
+    use crate::ids::{ClusterId, NodeId};
+    use crate::protocol::control::BusReport;
+
+    const DISPLAY: Role = Role::Display;
+    const BUS: Role = Role::Bus(ClusterId(0));
+
+    fn happens(state: &mut State, second: u64, event: Event) -> Vec<Action> {
+        state.handle(Duration::from_secs(second), event)
+    }
+
+    fn connects(state: &mut State, role: Role) -> Vec<Action> {
+        happens(state, 0, Event::Connected(ProcessId::first(role)))
+    }
+
+    fn configured(actions: &[Action]) -> Vec<Role> {
+        let told = actions.iter().filter_map(|action| match action {
+            Action::Tell(id, Command::Bus(_) | Command::Display(_)) => Some(id.role),
+            _ => None,
+        });
+        told.collect()
+    }
+
+    #[test]
+    fn who_writes_files_is_configured_when_the_run_has_begun() {
+        let (mut state, _) = State::start(sample::plan(2, 4));
+        assert_eq!(connects(&mut state, BUS), []);
+        assert_eq!(connects(&mut state, Role::Node(NodeId(0))), []);
+        assert_eq!(connects(&mut state, DISPLAY), [Action::Begin]);
+        assert_eq!(happens(&mut state, 0, Event::Tick), [], "it is asked once");
+        let mut roles = configured(&happens(&mut state, 0, Event::Begun(Ok(()))));
+        roles.sort_by_key(|role| *role == BUS);
+        assert_eq!(roles, [DISPLAY, BUS]);
+        // Who comes later is configured at once.
+        happens(&mut state, 0, Event::Exited(ProcessId::first(DISPLAY), "died".to_owned()));
+        let next = state.display_process();
+        assert_eq!(configured(&happens(&mut state, 0, Event::Connected(next))), [DISPLAY]);
+    }
+
+    #[test]
+    fn a_run_that_cannot_begin_fails() {
+        let (mut state, _) = State::start(sample::plan(1, 4));
+        connects(&mut state, DISPLAY);
+        assert_eq!(connects(&mut state, BUS), [Action::Begin]);
+        let actions = happens(&mut state, 0, Event::Begun(Err("out: Permission denied".to_owned())));
+        assert_eq!(configured(&actions), []);
+        let why = match &state.phase {
+            Phase::Ending(ending) => ending.cause.clone(),
+            phase => panic!("{phase:?}"),
+        };
+        assert_eq!(why, Cause::Failed("out: Permission denied".to_owned()));
+    }
+
+    #[test]
+    fn a_bus_that_waits_for_a_display_is_not_late() {
+        let mut plan = sample::plan(1, 4);
+        plan.run.deadlines.heartbeat = Duration::from_secs(1000);
+        // Longer than the deadline of a start.
+        plan.run.deadlines.startup = Duration::from_secs(10);
+        let (mut state, _) = State::start(plan);
+        connects(&mut state, BUS);
+        for second in 1..9 {
+            assert_eq!(happens(&mut state, second, Event::Tick), []);
+        }
+        assert!(connects(&mut state, DISPLAY).contains(&Action::Begin));
+        happens(&mut state, 9, Event::Begun(Ok(())));
+        let killed = happens(&mut state, 12, Event::Tick);
+        assert!(!killed.contains(&Action::Kill(ProcessId::first(BUS))), "{killed:?}");
+    }
+
+    #[test]
+    fn a_bus_that_cannot_close_its_recording_fails_the_run_and_one_that_fails_before_is_replaced() {
+        let failed = || Report::Bus(BusReport::Failed("cannot write bus.arrows: No space left".to_owned()));
+        let (mut state, _) = State::start(sample::plan(1, 4));
+        connects(&mut state, BUS);
+        let id = ProcessId::first(BUS);
+        assert!(happens(&mut state, 0, Event::Report(id, failed())).contains(&Action::Kill(id)));
+        assert!(matches!(state.phase, Phase::Running));
+
+        let (mut state, _) = State::start(sample::plan(1, 4));
+        connects(&mut state, BUS);
+        connects(&mut state, DISPLAY);
+        happens(&mut state, 0, Event::Begun(Ok(())));
+        state.end(Cause::Complete);
+        happens(&mut state, 0, Event::Report(id, failed()));
+        let Phase::Ending(ending) = &state.phase else { panic!("{:?}", state.phase) };
+        assert_eq!(ending.cause, Cause::Failed("the bus failed: cannot write bus.arrows: No space left".to_owned()));
+    }
+}

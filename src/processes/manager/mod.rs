@@ -313,6 +313,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     drop(runtime);
 
     folder.end().map_err(RunError::Output)?;
+    // What is in the folder's recording may be an earlier run's.
+    let recorded = recorded.filter(|_| folder.failed_start().is_none());
     let (checks, unsealed) = match recorded.map(|seal| recorded::close(&seal, &state, &folder.recording())) {
         Some(Err(error)) => (Vec::new(), Some(format!("the recording cannot be closed: {error}"))),
         sealed => (sealed.and_then(Result::ok).unwrap_or_default(), None),

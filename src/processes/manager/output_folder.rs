@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use crate::journal::Journal;
-use crate::processes::folder_claim::{ClaimError, FolderClaim, named};
+use crate::processes::folder_claim::{ClaimError, EARLIER, FolderClaim, named};
 use crate::report::json;
 use crate::topology::Topology;
 use crate::{atomic_file, regular_file};
@@ -249,8 +249,8 @@ fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
     }
     for entry in fs::read_dir(root).map_err(|error| named(root, &error))? {
         let name = entry.map_err(|error| named(root, &error))?.file_name().to_string_lossy().into_owned();
-        // A run may have been killed when it had made no more than that.
-        if name != STARTING {
+        // A run that was killed early leaves no more than the first two; file systems make the third.
+        if ![STARTING, EARLIER, "lost+found"].contains(&name.as_str()) {
             return Ok(Some(name));
         }
     }

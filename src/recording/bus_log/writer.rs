@@ -298,11 +298,14 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_an_error_for_who_pushes() {
+    fn a_recording_is_a_new_file_and_goes_through_no_link() {
         let folder = tempfile::tempdir().expect("a folder");
-        symlink("/dev/full", folder.path().join("bus.arrows.partial")).expect("a link");
-        // Creating writes the schema already.
-        let error = Writer::create(folder.path(), &metadata()).err().expect("no space");
+        let victim = folder.path().join("victim");
+        fs::write(&victim, "safe").expect("a folder to write to");
+        symlink(&victim, folder.path().join("bus.arrows.partial")).expect("a link");
+        drop(Writer::create(folder.path(), &metadata()).expect("a folder to write to"));
+        assert_eq!(fs::read(&victim).expect("there"), b"safe");
+        let error = Writer::create(&folder.path().join("none"), &metadata()).err().expect("no folder");
         assert!(error.to_string().contains("bus.arrows.partial"), "{error}");
     }
 
