@@ -35,7 +35,11 @@ const PIPE_PAUSE: Duration = Duration::from_millis(10);
 /// process reads within 10 s has this name; the error names the path.
 pub fn write(path: &Path, contents: impl FnOnce(&mut Writer) -> io::Result<()>) -> io::Result<()> {
     let written = match Output::at(path) {
-        Ok(Output::Replaced(file)) => replace(&file, MODE, contents),
+        Ok(Output::Replaced(file)) => {
+            // The new file is for the same readers as the one that it replaces.
+            let mode = fs::metadata(&file).map_or(MODE, |found| found.mode() & MODE);
+            replace(&file, mode, contents)
+        }
         Ok(Output::Through(file)) => fill(&mut BufWriter::with_capacity(1 << 18, file), contents),
         Err(error) => Err(error),
     };

@@ -80,12 +80,23 @@ impl RunArguments {
 pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let (topology, out) = arguments.subject()?;
     // With other settings there may be something left to do.
+    let output = &arguments.output;
+    let asks_for_more = !arguments.set.is_empty()
+        || !output.aov().is_empty()
+        || output.exr()
+        || arguments.chaos.is_some()
+        || arguments.health.is_some()
+        || arguments.listen.is_some();
     if arguments.resume.is_some()
-        && arguments.set.is_empty()
+        && !asks_for_more
         && let Some(report) = manager::finished(&out)
     {
         if !arguments.quiet {
-            print(&format!("{}: the run is finished\n{}", out.display(), text::summary(&report)))?;
+            print(&format!(
+                "{}: the run is finished, nothing was rendered; its summary:\n{}",
+                out.display(),
+                text::summary(&report)
+            ))?;
         }
         return Ok(());
     }

@@ -8,6 +8,8 @@ use std::thread;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::oneshot;
 
+use crate::pulse::Pulse;
+
 /// The event queue of one thread. Not to be dropped inside of another one's `block_on`.
 ///
 /// # Errors
@@ -25,12 +27,19 @@ pub(super) fn event_queue() -> io::Result<Runtime> {
 /// # Errors
 /// The system has no thread left, or the work panicked.
 pub(super) async fn aside<T: Send + 'static>(
+    pulse: &Pulse,
     name: &'static str,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> io::Result<T> {
     let (sender, done) = oneshot::channel();
     // An error of sending means that nobody waits for the outcome any more.
-    let started = thread::Builder::new().name(name.to_owned()).spawn(move || drop(sender.send(work())));
+    let pulse = pulse.clone();
+    let started = thread::Builder::new().name(name.to_owned()).spawn(move || {
+        // Without memory a thread may be stuck in the very report of it.
+        let beacon = pulse.beacon(name);
+        beacon.turn();
+        drop(sender.send(work()));
+    });
     started.map_err(|error| io::Error::new(error.kind(), format!("cannot start a thread: {error}")))?;
     done.await.map_err(|_| io::Error::other(format!("the thread {name} panicked, see the log")))
 }

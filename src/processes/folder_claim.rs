@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// What earlier processes wrote, by number.
-const EARLIER: &str = "earlier";
+pub(super) const EARLIER: &str = "earlier";
 
 /// The right to write into a folder. It ends with its holder, whatever that dies of.
 #[derive(Debug)]
@@ -71,11 +71,36 @@ impl FolderClaim {
         if fs::symlink_metadata(&path).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
             return Ok(());
         }
-        let aside = match &self.aside {
-            Some(aside) => aside.clone(),
-            None => self.new_aside()?,
-        };
+        let aside = self.aside()?;
         fs::rename(&path, aside.join(name)).map_err(|error| named(&path, &error))
+    }
+
+    /// As [`Self::put_aside`], of a file that stays until another takes its place.
+    ///
+    /// # Errors
+    /// It cannot be linked or copied; the error names it.
+    pub(super) fn keep_aside(&mut self, name: &str) -> io::Result<()> {
+        let path = self.root.join(name);
+        if !fs::symlink_metadata(&path).is_ok_and(|found| found.is_file()) {
+            return self.put_aside(name);
+        }
+        let aside = self.aside()?.join(name);
+        // Not all file systems have links.
+        fs::hard_link(&path, &aside)
+            .or_else(|_| fs::copy(&path, &aside).map(drop))
+            .map_err(|error| named(&path, &error))
+    }
+
+    /// Whether anything was moved.
+    pub(super) fn has_put_aside(&self) -> bool {
+        self.aside.is_some()
+    }
+
+    fn aside(&mut self) -> io::Result<PathBuf> {
+        match &self.aside {
+            Some(aside) => Ok(aside.clone()),
+            None => self.new_aside(),
+        }
     }
 
     fn new_aside(&mut self) -> io::Result<PathBuf> {

@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::time::timeout;
 
 use super::event_queue::aside;
+use crate::pulse::Pulse;
 
 /// For a name to be looked up.
 const LOOKUP_DEADLINE: Duration = Duration::from_secs(5);
@@ -20,7 +21,9 @@ pub(super) async fn look_up(name: &str, port: u16, like: IpAddr) -> io::Result<S
         return Ok((address, port).into());
     }
     let asked = name.to_owned();
-    let look_up = aside("look-up", move || (asked.as_str(), port).to_socket_addrs());
+    // It waits for other machines, and has a deadline of its own: not to be watched.
+    let unwatched = Pulse::default();
+    let look_up = aside(&unwatched, "look-up", move || (asked.as_str(), port).to_socket_addrs());
     let found = match timeout(LOOKUP_DEADLINE, look_up).await {
         Ok(found) => found.flatten().map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?,
         Err(_) => {

@@ -122,7 +122,7 @@ fn a_folder_that_no_run_wrote_is_refused_untouched_unless_by_force() {
     let output = small_run(out.path()).output().expect("marti can be started");
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(
-        stderr(&output).contains("holds image.png, and nothing that says that a run wrote it"),
+        stderr(&output).contains("is not empty (image.png) and holds nothing that says that a run wrote it"),
         "{}",
         stderr(&output)
     );

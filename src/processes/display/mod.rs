@@ -22,6 +22,7 @@ use crate::protocol::connection::{Connection, ConnectionError, Fault, Listener, 
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
 use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
+use crate::pulse::Pulse;
 
 /// Tiles received and not composited yet, of all nodes.
 const TILES_MAX: usize = 16;
@@ -80,7 +81,7 @@ async fn serve(link: &mut Link, child: &Child) -> Result<DisplayTotals, DisplayE
     .await?;
     let address = child.advertised(listener.address(), link.interface).await?;
     report(link, DisplayReport::Listening(address)).await?;
-    Shell::new(state, journal).serve(link, listener, configuration).await
+    Shell::new(state, journal, child.pulse.clone()).serve(link, listener, configuration).await
 }
 
 /// Begins where the journal ends, and says so. Blocks: nobody is served yet.
@@ -109,6 +110,7 @@ async fn report(link: &Link, report: DisplayReport) -> Result<(), DisplayError> 
 struct Shell {
     state: State,
     journal: Journal,
+    pulse: Pulse,
     nodes: HashMap<ConnectionId, NodeConnection>,
     connections: u64,
     arrived: mpsc::Receiver<Arrived>,
@@ -138,11 +140,12 @@ enum Arrived {
 }
 
 impl Shell {
-    fn new(state: State, journal: Journal) -> Self {
+    fn new(state: State, journal: Journal, pulse: Pulse) -> Self {
         let (arrived_sender, arrived) = mpsc::channel(TILES_MAX);
         Self {
             state,
             journal,
+            pulse,
             nodes: HashMap::new(),
             connections: 0,
             arrived,
@@ -233,9 +236,9 @@ impl Shell {
 
     /// Writes whatever tiles there are, in a thread of its own: a large image takes seconds.
     async fn write(self, configuration: DisplayConfiguration) -> Result<DisplayTotals, DisplayError> {
-        let Self { state, journal, wire_bytes, .. } = self;
+        let Self { state, journal, pulse, wire_bytes, .. } = self;
         let wire_bytes = wire_bytes.load(Ordering::Relaxed);
-        let written = aside("image", move || {
+        let written = aside(&pulse, "image", move || {
             // Locked until the image stands.
             let _journal = journal;
             let Finished { frame, tiles_done, tiles_stale } = state.finish();

@@ -212,7 +212,8 @@ impl State {
             return self.rise(id);
         }
         self.tell_master(id, MasterCommand::NodeLost { node, epoch });
-        if !was_expected {
+        // Why a process was condemned is reported already.
+        if !was_expected && !self.verification.is_condemned(self.producer(node, epoch)) {
             self.ledger.incident(self.now, how);
         }
         if matches!(self.phase, Phase::Running) {

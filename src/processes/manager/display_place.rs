@@ -134,6 +134,7 @@ impl State {
         }
         match self.verification.judge(comparison) {
             Verdict::Agreed => {}
+            Verdict::Again { except } => self.queue.settle(tile, except),
             Verdict::Dispute { except } => {
                 let names: Vec<_> = except.iter().map(ToString::to_string).collect();
                 self.ledger.incident(self.now, format!("{} disagree about {tile}", names.join(" and ")));
@@ -153,9 +154,8 @@ impl State {
     /// A process is wrong, or forges what it reports: it is ended, its node is quarantined, and all that it did is done
     /// again, whichever run it was part of.
     pub(super) fn condemn(&mut self, process: Producer, why: &str) {
-        if !self.verification.condemn(process) {
-            return;
-        }
+        let Some(unvouched) = self.verification.condemn(process) else { return };
+        unvouched.into_iter().for_each(|(tile, node)| self.queue.check(tile, vec![node]));
         self.ledger.forget(process);
         let tiles = self.redo(|_, by| by == Some(process));
         let Producer { run, node, epoch } = process;

@@ -333,7 +333,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     if let Some(why) = &report.error {
         let report_lacks = written.err().map(|error| format!("; there is no report: {error}"));
         let place = folder.failed_start().map(|place| {
-            format!("; logs and report are in {}, and what an earlier run left is as it was", place.display())
+            let earlier = if folder.has_put_aside() { "there and in earlier" } else { "as it was" };
+            format!("; logs and report are in {}, and what an earlier run left is {earlier}", place.display())
         });
         let why = [Some(why.clone()), report_lacks, place].into_iter().flatten().collect();
         return Ok(RunOutcome { end: RunEnd::Failed(why), report });

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use crate::journal::Journal;
-use crate::processes::folder_claim::{ClaimError, FolderClaim, named};
+use crate::processes::folder_claim::{ClaimError, EARLIER, FolderClaim, named};
 use crate::report::json;
 use crate::topology::Topology;
 use crate::{atomic_file, regular_file};
@@ -73,7 +73,7 @@ pub(super) enum Opening {
 pub enum OutputError {
     #[error(transparent)]
     Claim(#[from] ClaimError),
-    #[error("{}: holds {entry}, and nothing that says that a run wrote it: expected another folder, or --force", root.display())]
+    #[error("{}: is not empty ({entry}) and holds nothing that says that a run wrote it: expected another folder, or --force", root.display())]
     Foreign { root: PathBuf, entry: String },
     #[error("{}: is not UTF-8, expected a name that is", .0.display())]
     NotUnicode(PathBuf),
@@ -137,19 +137,22 @@ impl OutputFolder {
     /// # Errors
     /// Something cannot be moved; the error names it.
     pub(super) fn begin(&mut self) -> io::Result<()> {
-        for name in self.results() {
+        for name in self.results().filter(|name| *name != TOPOLOGY_NAME) {
             self.claim.put_aside(name)?;
         }
         for entry in fs::read_dir(&self.root).map_err(|error| named(&self.root, &error))? {
             let entry = entry.map_err(|error| named(&self.root, &error))?;
             let name = entry.file_name();
             let unfinished = name.to_str().and_then(atomic_file::unfinished);
-            if unfinished.is_some_and(|name| name == TOKEN_NAME || RESULTS.contains(&name)) {
-                fs::remove_file(entry.path()).map_err(|error| named(&entry.path(), &error))?;
+            let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+            if unfinished.is_some_and(|name| name == TOKEN_NAME || RESULTS.contains(&name)) && is_file {
+                self.claim.put_aside(&name.to_string_lossy())?;
             }
         }
         make(&self.recording())?;
         let starting = self.starting();
+        // What `--resume` reads is there at any moment: the earlier topology until the new one takes its place.
+        self.claim.keep_aside(TOPOLOGY_NAME)?;
         for name in ["logs", TOPOLOGY_NAME] {
             let path = starting.join(name);
             fs::rename(&path, self.root.join(name)).map_err(|error| named(&path, &error))?;
@@ -176,6 +179,11 @@ impl OutputFolder {
     /// Where to look for what a run left that came to its end before it had begun.
     pub(super) fn failed_start(&self) -> Option<PathBuf> {
         (self.stage == Stage::Failed).then(|| self.starting())
+    }
+
+    /// Whether something of an earlier run was moved.
+    pub(super) fn has_put_aside(&self) -> bool {
+        self.claim.has_put_aside()
     }
 
     /// That the folder could not be locked, if so.
@@ -249,9 +257,8 @@ fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
     }
     for entry in fs::read_dir(root).map_err(|error| named(root, &error))? {
         let name = entry.map_err(|error| named(root, &error))?.file_name().to_string_lossy().into_owned();
-        // A run may have been killed when it had made no more than the first, or had put the second aside; file systems
-        // make the third.
-        if ![STARTING, "earlier", "lost+found"].contains(&name.as_str()) {
+        // A run that was killed early leaves no more than the first two; file systems make the third.
+        if ![STARTING, EARLIER, "lost+found"].contains(&name.as_str()) {
             return Ok(Some(name));
         }
     }
@@ -329,7 +336,10 @@ mod tests {
         fs::write(path("report.json"), r#"{"name": "of somebody else"}"#).expect("writable folder");
         for opening in [ANEW, Opening::Resume] {
             let refused = OutputFolder::open(folder.path(), &topology(), opening).expect_err("foreign").to_string();
-            assert!(refused.contains("holds report.json, and nothing that says that a run wrote it"), "{refused}");
+            assert!(
+                refused.contains("is not empty (report.json) and holds nothing that says that a run wrote it"),
+                "{refused}"
+            );
             assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
         }
         drop(begun(folder.path(), Opening::Anew { force: true }));

@@ -355,8 +355,9 @@ impl State {
             if self.queue.missing() > 0 {
                 self.expect_more_of_display();
             } else {
-                self.verify_latest();
-                if self.verification.is_idle() && self.has_told_all() && matches!(self.phase, Phase::Running) {
+                self.give_up_checks();
+                let is_verified = self.verification.is_idle() && matches!(self.phase, Phase::Running);
+                if is_verified && self.has_told_all() && !self.verify_latest() {
                     self.end(Cause::Complete);
                 }
             }
@@ -384,11 +385,22 @@ impl State {
         }
     }
 
-    /// All tiles are there: the last ones of each process are verified too, as far as there is somebody to do it.
-    fn verify_latest(&mut self) {
-        for (tile, node) in self.verification.latest() {
+    /// All tiles are there: the latest one of each process is verified too. `false`: each is, or no node is left to do it.
+    fn verify_latest(&mut self) -> bool {
+        let latest = self.verification.latest(&self.display.shares);
+        if latest.is_empty() {
+            return false;
+        }
+        for (tile, node) in latest {
             self.queue.check(tile, vec![node]);
         }
+        self.expect_more_of_display();
+        self.give_up_checks();
+        true
+    }
+
+    /// Tiles whose checks no node is left to do.
+    fn give_up_checks(&mut self) {
         for tile in self.queue.give_up_checks(&self.all_available()) {
             if self.verification.give_up(tile) {
                 return self.fail(format!("nodes disagree about {tile}, and none is left to settle it"));

@@ -22,30 +22,24 @@ pub(super) struct Verification {
     /// Of the tiles, 0 to 1.
     share: f64,
     seed: u64,
-    /// Those of earlier runs included, as far as tiles of theirs are in the image.
-    processes: BTreeMap<Producer, Span>,
+    /// Processes of this run that have done a tile.
+    known: BTreeSet<Producer>,
     /// Tiles whose second result has not been compared yet, or that are in dispute.
     open: BTreeMap<TileId, Case>,
     condemned: BTreeSet<Producer>,
-    /// The tiles in the frame about which others agree with the process that rendered them.
+    /// The tiles in the frame about which other nodes agree with the process that rendered them.
     agreed: BTreeMap<TileId, Agreement>,
+    /// No node was left that could render these again.
+    given_up: BTreeSet<TileId>,
     /// Since when nobody works on anything, while a comparison is awaited.
     quiet_since: Option<Duration>,
-    verified: u64,
     disagreements: u64,
-}
-
-/// The tiles of a process that are verified in any case.
-#[derive(Clone, Copy, Debug)]
-struct Span {
-    latest: TileId,
-    latest_is_verified: bool,
 }
 
 #[derive(Clone, Debug)]
 struct Agreement {
     with: Producer,
-    by: BTreeSet<NodeId>,
+    by: BTreeSet<Producer>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -59,6 +53,8 @@ struct Case {
 pub(super) enum Verdict {
     /// Nothing.
     Agreed,
+    /// The tile is to be rendered once more, by none of these nodes: so far one node alone has rendered it.
+    Again { except: Vec<NodeId> },
     /// Somebody else is to render the tile: none of these nodes.
     Dispute { except: Vec<NodeId> },
     /// These processes are wrong.
@@ -70,19 +66,19 @@ impl Verification {
         Self {
             share,
             seed,
-            processes: BTreeMap::new(),
+            known: BTreeSet::new(),
             open: BTreeMap::new(),
             condemned: BTreeSet::new(),
             agreed: BTreeMap::new(),
+            given_up: BTreeSet::new(),
             quiet_since: None,
-            verified: 0,
             disagreements: 0,
         }
     }
 
-    /// Tiles of which two results were compared and agreed.
+    /// Tiles of the image that two nodes or more rendered with the same bytes.
     pub(super) fn verified(&self) -> u64 {
-        self.verified
+        self.agreed.len() as u64
     }
 
     pub(super) fn disagreements(&self) -> u64 {
@@ -96,11 +92,11 @@ impl Verification {
             return Vec::new();
         }
         for &Share { producer, latest, .. } in &holdings.shares {
-            self.processes.insert(producer, Span { latest, latest_is_verified: false });
             self.open(latest, producer);
         }
         for tile in (0..tiles).map(TileId).filter(|tile| holdings.tiles.contains(*tile)) {
             if self.chooses(tile) {
+                // The comparison will say which process rendered it.
                 self.open.entry(tile).or_default();
             }
         }
@@ -112,7 +108,7 @@ impl Verification {
         if self.share == 0.0 {
             return false;
         }
-        let is_first = self.processes.insert(by, Span { latest: tile, latest_is_verified: false }).is_none();
+        let is_first = self.known.insert(by);
         let chosen = is_first || self.chooses(tile);
         if chosen {
             self.open(tile, by);
@@ -120,18 +116,19 @@ impl Verification {
         chosen
     }
 
-    /// The latest tile of each process that is not verified yet: they are to be, before the run ends.
-    pub(super) fn latest(&mut self) -> Vec<(TileId, NodeId)> {
-        let unverified = self.processes.iter().filter(|(_, span)| !span.latest_is_verified);
-        let latest: Vec<_> = unverified.map(|(&by, span)| (span.latest, by)).collect();
-        let mut asked = Vec::new();
-        for (tile, by) in latest {
-            if !self.open.contains_key(&tile) {
-                self.open(tile, by);
-                asked.push((tile, by.node));
-            }
+    /// The latest tile of each process in the image that is not verified yet, and its node: they are to be, before the run
+    /// ends. `shares` is what the frame has of each.
+    pub(super) fn latest(&mut self, shares: &[Share]) -> Vec<(TileId, NodeId)> {
+        if self.share == 0.0 {
+            return Vec::new();
         }
-        asked
+        let is_unverified = |share: &&Share| {
+            let is_agreed = self.agreed.get(&share.latest).is_some_and(|agreed| agreed.with == share.producer);
+            !is_agreed && !self.given_up.contains(&share.latest) && !self.open.contains_key(&share.latest)
+        };
+        let latest: Vec<_> = shares.iter().filter(is_unverified).map(|share| (share.latest, share.producer)).collect();
+        latest.iter().for_each(|&(tile, by)| self.open(tile, by));
+        latest.into_iter().map(|(tile, by)| (tile, by.node)).collect()
     }
 
     /// Whether everything that was to be compared has been.
@@ -156,9 +153,8 @@ impl Verification {
 
     /// Nobody is left who could render the tile again. `true`: it was in dispute, and cannot be settled.
     pub(super) fn give_up(&mut self, tile: TileId) -> bool {
-        let Some(case) = self.open.remove(&tile) else { return false };
-        self.close(tile);
-        case.is_disputed()
+        self.given_up.insert(tile);
+        self.open.remove(&tile).is_some_and(|case| case.is_disputed())
     }
 
     /// The display has compared two results of a tile.
@@ -168,40 +164,58 @@ impl Verification {
             // One of them counts for nothing: a comparison that is awaited is still to come.
             return Verdict::Agreed;
         }
+        let is_awaited = self.open.contains_key(tile);
         let case = self.open.entry(*tile).or_default();
         case.results.retain(|(_, digest)| digest.is_some());
         for TileResult { producer, digest } in [kept, other] {
             case.results.retain(|(known, _)| known != producer);
             case.results.push((*producer, Some(*digest)));
         }
+        let nodes = case.nodes();
         if case.results.iter().all(|(_, digest)| *digest == Some(kept.digest)) {
+            // A node does not vouch for itself: neither for another process of it, nor for one of an earlier run.
+            if nodes.len() == 1 && is_awaited {
+                return Verdict::Again { except: nodes };
+            }
             self.agree(*tile, kept.producer);
-            self.verified += 1;
-            self.close(*tile);
             return Verdict::Agreed;
         }
-        if !case.is_settled() {
+        let Some(right) = case.majority() else {
             self.disagreements += u64::from(case.results.len() == 2);
-            return Verdict::Dispute { except: case.nodes() };
-        }
-        let right = case.majority();
-        let wrong = case.results.iter().filter(|(_, digest)| *digest != right).map(|(by, _)| *by).collect();
-        case.results.retain(|(_, digest)| *digest == right);
+            return Verdict::Dispute { except: nodes };
+        };
+        let wrong = case.results.iter().filter(|(_, digest)| *digest != Some(right)).map(|(by, _)| *by).collect();
+        case.results.retain(|(_, digest)| *digest == Some(right));
         self.agree(*tile, kept.producer);
-        self.close(*tile);
         Verdict::Wrong(wrong)
     }
 
-    /// The process is wrong. `false`: that is known.
-    pub(super) fn condemn(&mut self, wrong: Producer) -> bool {
-        self.processes.remove(&wrong);
-        self.condemned.insert(wrong)
+    /// The process is wrong, and vouches for nothing. Tiles of others that only it agreed about, and their nodes; `None`: it
+    /// is known to be wrong.
+    pub(super) fn condemn(&mut self, wrong: Producer) -> Option<Vec<(TileId, NodeId)>> {
+        if !self.condemned.insert(wrong) {
+            return None;
+        }
+        for agreement in self.agreed.values_mut() {
+            agreement.by.remove(&wrong);
+        }
+        let is_alone = |(_, agreement): &(&TileId, &Agreement)| agreement.by.is_empty();
+        let alone: Vec<_> = self.agreed.iter().filter(is_alone).map(|(&tile, agreed)| (tile, agreed.with)).collect();
+        for &(tile, with) in &alone {
+            self.agreed.remove(&tile);
+            if self.share > 0.0 && with != wrong {
+                self.open(tile, with);
+            }
+        }
+        let of_others = alone.into_iter().filter(|(_, with)| self.share > 0.0 && *with != wrong);
+        Some(of_others.map(|(tile, with)| (tile, with.node)).collect())
     }
 
     /// The tile is to be done again: what was compared does not count.
     pub(super) fn forget(&mut self, tile: TileId) {
         self.open.remove(&tile);
         self.agreed.remove(&tile);
+        self.given_up.remove(&tile);
     }
 
     /// Which tiles in the frame are vouched for, by process; `shares` is what the frame has of each.
@@ -212,7 +226,7 @@ impl Verification {
         for agreement in self.agreed.values() {
             if let Some(process) = processes.get_mut(&agreement.with) {
                 process.verified += 1;
-                by.entry(agreement.with).or_default().extend(&agreement.by);
+                by.entry(agreement.with).or_default().extend(agreement.by.iter().map(|by| by.node));
             }
         }
         for Share { producer, latest, .. } in shares {
@@ -249,38 +263,41 @@ impl Verification {
         self.open.entry(tile).or_default().results.push((by, None));
     }
 
-    /// A case is settled. What agrees with a process that is wrong vouches for nothing.
+    /// A case is settled. What agrees with a process that is wrong vouches for nothing, and neither does its own node.
     fn agree(&mut self, tile: TileId, kept: Producer) {
         let results = self.open.remove(&tile).unwrap_or_default().results;
-        if results.iter().any(|(by, _)| *by == kept) {
+        let others = results.iter().map(|(by, _)| *by).filter(|by| by.node != kept.node);
+        let others: BTreeSet<_> = others.collect();
+        if results.iter().any(|(by, _)| *by == kept) && !others.is_empty() {
             let agreement = self.agreed.entry(tile).or_insert_with(|| Agreement { with: kept, by: BTreeSet::new() });
-            agreement.by.extend(results.iter().filter(|(by, _)| *by != kept).map(|(by, _)| by.node));
+            agreement.by.extend(others);
         }
-    }
-
-    fn close(&mut self, tile: TileId) {
-        let spans = self.processes.values_mut().filter(|span| span.latest == tile);
-        spans.for_each(|span| span.latest_is_verified = true);
     }
 }
 
 impl Case {
+    /// Each once.
     fn nodes(&self) -> Vec<NodeId> {
-        self.results.iter().map(|(by, _)| by.node).collect()
+        let mut nodes = Vec::new();
+        for (by, _) in &self.results {
+            if !nodes.contains(&by.node) {
+                nodes.push(by.node);
+            }
+        }
+        nodes
     }
 
     fn is_disputed(&self) -> bool {
         self.results.iter().any(|(_, digest)| *digest != self.results[0].1)
     }
 
-    /// Whether two agree among three or more.
-    fn is_settled(&self) -> bool {
-        self.results.len() > 2 && self.majority().is_some()
-    }
-
+    /// The result about which two nodes agree.
     fn majority(&self) -> Option<[u8; 32]> {
-        let votes = |digest| self.results.iter().filter(|(_, other)| *other == Some(digest)).count();
-        self.results.iter().filter_map(|(_, digest)| *digest).find(|&digest| votes(digest) > 1)
+        let nodes = |digest| {
+            let agree = self.results.iter().filter(|(_, other)| *other == Some(digest));
+            agree.map(|(by, _)| by.node).collect::<BTreeSet<_>>().len()
+        };
+        self.results.iter().filter_map(|(_, digest)| *digest).find(|&digest| nodes(digest) > 1)
     }
 }
 
@@ -315,7 +332,7 @@ mod tests {
     fn the_first_tile_of_every_process_and_the_share_are_verified() {
         let mut none = Verification::new(0.0, 1);
         assert!((0..100).all(|tile| !none.accept(TileId(tile), by(0))));
-        assert!(none.latest().is_empty());
+        assert!(none.latest(&[Share { producer: by(0), tiles: 1, latest: TILE }]).is_empty());
         let mut some = Verification::new(0.02, 1);
         assert!(some.accept(TileId(0), by(0)) && some.accept(TileId(1), by(1)));
         let chosen = (2..10_002).filter(|&tile| some.accept(TileId(tile), by(0))).count();
@@ -333,9 +350,11 @@ mod tests {
         let mut latest = Verification::new(1e-12, 1);
         let expected = [(TileId(4), vec![NodeId(0)]), (TileId(8), vec![NodeId(1)])];
         assert_eq!(latest.resume(&holdings, 10_000), expected);
-        assert!(latest.latest().is_empty(), "they are awaited");
+        assert!(latest.latest(&holdings.shares).is_empty(), "they are awaited");
+        let again = Verdict::Again { except: vec![NodeId(0)] };
+        assert_eq!(compare_of(&mut latest, TileId(4), (earlier(0), 5), (by(0), 5)), again, "its own node");
         assert_eq!(compare_of(&mut latest, TileId(4), (earlier(0), 5), (by(1), 5)), Verdict::Agreed);
-        assert!(!latest.is_idle() && latest.latest().is_empty());
+        assert!(!latest.is_idle() && latest.latest(&holdings.shares).is_empty());
         let dispute = Verdict::Dispute { except: vec![NodeId(1), NodeId(0)] };
         assert_eq!(compare_of(&mut latest, TileId(8), (earlier(1), 5), (by(0), 6)), dispute);
         let verdict = compare_of(&mut latest, TileId(8), (earlier(1), 5), (by(2), 6));
@@ -351,12 +370,13 @@ mod tests {
         assert!(verification.accept(TILE, by(0)));
         assert!(!verification.is_idle());
         assert_eq!(compare(&mut verification, (0, 5), (1, 5)), Verdict::Agreed);
-        assert_eq!(verification.latest(), [], "its first is its latest");
+        let shares = |latest| [Share { producer: by(0), tiles: 2, latest }];
+        assert_eq!(verification.latest(&shares(TILE)), [], "its first is its latest");
         assert!(!verification.accept(TileId(8), by(0)));
-        assert_eq!(verification.latest(), [(TileId(8), NodeId(0))]);
-        assert_eq!(verification.latest(), [], "once");
+        assert_eq!(verification.latest(&shares(TileId(8))), [(TileId(8), NodeId(0))]);
+        assert_eq!(verification.latest(&shares(TileId(8))), [], "once");
         assert!(!verification.give_up(TileId(8)), "not in dispute");
-        assert!(verification.is_idle() && verification.latest().is_empty());
+        assert!(verification.is_idle() && verification.latest(&shares(TileId(8))).is_empty());
         assert_eq!((verification.verified(), verification.disagreements()), (1, 0));
     }
 
@@ -383,7 +403,7 @@ mod tests {
     #[test]
     fn a_condemned_process_vouches_for_nothing_and_accuses_nobody() {
         let mut verification = Verification::new(1.0, 1);
-        assert!(verification.condemn(by(0)) && !verification.condemn(by(0)));
+        assert_eq!((verification.condemn(by(0)), verification.condemn(by(0))), (Some(Vec::new()), None));
         for (kept, other) in [((0, 1), (1, 2)), ((1, 2), (0, 1)), ((1, 2), (0, 2))] {
             assert_eq!(compare(&mut verification, kept, other), Verdict::Agreed);
         }
@@ -392,6 +412,43 @@ mod tests {
         verification.accept(TILE, by(1));
         compare(&mut verification, (1, 2), (0, 2));
         assert!(!verification.is_idle());
+    }
+
+    #[test]
+    fn tiles_that_only_a_condemned_process_vouched_for_are_verified_again() {
+        let mut verification = Verification::new(1.0, 1);
+        compare_of(&mut verification, TileId(0), (by(1), 1), (by(0), 1));
+        compare_of(&mut verification, TileId(1), (by(1), 1), (by(0), 1));
+        compare_of(&mut verification, TileId(1), (by(1), 1), (by(2), 1));
+        compare_of(&mut verification, TileId(2), (by(0), 1), (by(2), 1));
+        assert_eq!(verification.verified(), 3);
+        assert_eq!(verification.condemn(by(0)), Some(vec![(TileId(0), NodeId(1))]));
+        // Its own tile is done again; that is for the queue to say.
+        verification.forget(TileId(2));
+        assert_eq!((verification.verified(), verification.is_idle()), (1, false));
+        assert_eq!(compare_of(&mut verification, TileId(0), (by(1), 1), (by(2), 1)), Verdict::Agreed);
+        assert!(verification.is_idle());
+    }
+
+    #[test]
+    fn processes_of_one_node_are_one_voice() {
+        let successor = |node| Producer { epoch: Epoch(1), ..by(node) };
+        let mut verification = Verification::new(1.0, 1);
+        // Not awaited: it proves nothing, and asks for nothing.
+        assert_eq!(compare_of(&mut verification, TILE, (by(0), 1), (successor(0), 1)), Verdict::Agreed);
+        assert_eq!((verification.verified(), verification.is_idle()), (0, true));
+        // Two processes of node 0 do not outvote node 1.
+        compare_of(&mut verification, TILE, (by(0), 1), (successor(0), 1));
+        let dispute = Verdict::Dispute { except: vec![NodeId(0), NodeId(1)] };
+        assert_eq!(compare_of(&mut verification, TILE, (by(0), 1), (by(1), 2)), dispute);
+        assert_eq!(compare_of(&mut verification, TILE, (by(0), 1), (successor(0), 1)), dispute_of(&[1, 0]));
+        let wrong = Verdict::Wrong(vec![by(0), successor(0)]);
+        let verdict = compare_of(&mut verification, TILE, (by(0), 1), (by(2), 2));
+        assert!(verdict == wrong || verdict == Verdict::Wrong(vec![successor(0), by(0)]), "{verdict:?}");
+    }
+
+    fn dispute_of(nodes: &[u16]) -> Verdict {
+        Verdict::Dispute { except: nodes.iter().map(|node| NodeId(*node)).collect() }
     }
 
     #[test]

@@ -298,15 +298,15 @@ mod tests {
     }
 
     #[test]
-    fn a_link_in_the_place_of_the_log_is_replaced_and_not_followed() {
+    fn a_recording_is_a_new_file_and_goes_through_no_link() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (partial, victim) = (folder.path().join("bus.arrows.partial"), folder.path().join("victim"));
-        fs::write(&victim, "as it was").expect("writable folder");
-        symlink(&victim, &partial).expect("a link");
-        // Creating writes the schema already.
+        let victim = folder.path().join("victim");
+        fs::write(&victim, "safe").expect("a folder to write to");
+        symlink(&victim, folder.path().join("bus.arrows.partial")).expect("a link");
         drop(Writer::create(folder.path(), &metadata()).expect("a folder to write to"));
-        assert!(fs::symlink_metadata(&partial).expect("there").is_file());
-        assert_eq!(fs::read(&victim).expect("there"), b"as it was");
+        assert_eq!(fs::read(&victim).expect("there"), b"safe");
+        let error = Writer::create(&folder.path().join("none"), &metadata()).err().expect("no folder");
+        assert!(error.to_string().contains("bus.arrows.partial"), "{error}");
     }
 
     #[test]
