@@ -9,7 +9,6 @@ use std::path::Path;
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Machine(BTreeSet<String>);
 
-pub(crate) const GROUP_PREFIX: &str = "marti-surroundings-";
 /// As they are made in a private /dev: name and number.
 pub(crate) const DEVICES: [(&str, u64, u64); 6] =
     [("null", 1, 3), ("zero", 1, 5), ("full", 1, 7), ("random", 1, 8), ("urandom", 1, 9), ("tty", 5, 0)];
@@ -40,12 +39,17 @@ pub(crate) fn devices() -> Vec<String> {
     DEVICES.map(line).into()
 }
 
+/// Of the control group that a trial of this process makes.
+pub(crate) fn group_name() -> String {
+    format!("marti-surroundings-{}", std::process::id())
+}
+
 fn add_groups(folder: &Path, lines: &mut BTreeSet<String>) {
     // Without control groups there are none to leave behind.
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
-        // Others make groups of their own at any time.
-        if entry.file_name().to_string_lossy().starts_with(GROUP_PREFIX) {
+        // Others make groups of their own at any time, another campaign among them.
+        if entry.file_name() == *group_name() {
             lines.insert(entry.path().display().to_string());
         }
         add_groups(&entry.path(), lines);

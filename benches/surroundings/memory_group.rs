@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use crate::machine::GROUP_PREFIX;
+use crate::machine::group_name;
 
 /// Removed when it is dropped; its processes must have ended.
 pub(crate) struct MemoryGroup {
@@ -16,7 +16,7 @@ impl MemoryGroup {
     /// # Errors
     /// Why there can be none here.
     pub(crate) fn new(bytes: u64) -> Result<Self, String> {
-        let name = format!("{GROUP_PREFIX}{}", std::process::id());
+        let name = group_name();
         let first = PathBuf::from("/sys/fs/cgroup/memory");
         let (root, limit, counters) = if first.is_dir() {
             (first, "memory.limit_in_bytes", ["memory.failcnt", "memory.oom_control"])
