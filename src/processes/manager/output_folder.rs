@@ -377,6 +377,40 @@ mod tests {
         assert_eq!(next.failed_start(), None);
     }
 
+    /// What `--resume` begins with is never gone, whatever step fails or is the last.
+    #[test]
+    fn a_beginning_that_stops_halfway_leaves_a_topology_and_the_journal_to_resume() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        let earlier = format!("{RESOLVED}# the earlier one");
+        fs::write(path(TOPOLOGY_NAME), &earlier).expect("writable folder");
+        for name in ["report.json", "tiles", "image.png"] {
+            fs::write(path(name), name).expect("writable folder");
+        }
+        let mut next = OutputFolder::open(folder.path(), &topology(), Opening::Resume).expect("a run's");
+        fs::remove_dir_all(path("starting/logs")).expect("there");
+        next.begin().expect_err("the logs cannot be moved");
+        assert!(next.has_put_aside());
+        assert_eq!(fs::read_to_string(path(TOPOLOGY_NAME)).expect("there"), earlier);
+        assert!(path("tiles").exists() && path("earlier/1/image.png").exists());
+        drop(next);
+        drop(begun(folder.path(), Opening::Resume));
+        assert_ne!(fs::read_to_string(path(TOPOLOGY_NAME)).expect("there"), earlier);
+        assert_eq!(fs::read_to_string(path("earlier/1/topology.toml")).expect("kept"), earlier);
+    }
+
+    #[test]
+    fn files_of_others_that_look_unfinished_are_put_aside_and_folders_stay() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("image.png.backup.part"), "a person's").expect("writable folder");
+        fs::create_dir(path("report.json.latest.part")).expect("writable folder");
+        drop(begun(folder.path(), Opening::Anew { force: true }));
+        let aside = fs::read_to_string(path("earlier/1/image.png.backup.part")).expect("not removed");
+        assert_eq!(aside, "a person's");
+        assert!(path("report.json.latest.part").is_dir());
+    }
+
     #[test]
     fn a_run_that_was_refused_leaves_nothing_and_one_that_failed_its_report() {
         let folder = tempfile::tempdir().expect("temporary folder");
