@@ -125,7 +125,12 @@ impl Seeds<'_> {
         for tile in 0..4 {
             let pixels = tiling.rect(TileId(tile)).ok_or("a tile")?.pixel_count();
             let planes = vec![1; pixels * 16];
-            journal.append(&Record::Pixels { tile: TileId(tile), attempt: Attempt(tile), producer, planes: &planes })?;
+            journal.append(&Record::Pixels {
+                tile: TileId(tile),
+                attempt: Attempt(tile),
+                producer,
+                planes: &planes,
+            })?;
         }
         journal.append(&Record::Condemned(producer))?;
         self.put("journal", "five", &[&fs::read(&path)?])
