@@ -143,9 +143,8 @@ impl OutputFolder {
         for entry in fs::read_dir(&self.root).map_err(|error| named(&self.root, &error))? {
             let entry = entry.map_err(|error| named(&self.root, &error))?;
             let name = entry.file_name();
-            let unfinished = name.to_str().and_then(atomic_file::unfinished);
             let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
-            if unfinished.is_some_and(|name| name == TOKEN_NAME || RESULTS.contains(&name)) && is_file {
+            if name.to_str().is_some_and(is_unfinished) && is_file {
                 self.claim.put_aside(&name.to_string_lossy())?;
             }
         }
@@ -241,6 +240,11 @@ fn make(folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder).map_err(|error| named(folder, &error))
 }
 
+/// Whether a run that was killed may have been about to write this file.
+fn is_unfinished(name: &str) -> bool {
+    atomic_file::unfinished(name).is_some_and(|name| name == TOKEN_NAME || RESULTS.contains(&name))
+}
+
 /// The name of something in the folder, unless a run wrote into it or it is empty.
 fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
     let is_resolved = |folder: &Path| {
@@ -258,7 +262,7 @@ fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
     for entry in fs::read_dir(root).map_err(|error| named(root, &error))? {
         let name = entry.map_err(|error| named(root, &error))?.file_name().to_string_lossy().into_owned();
         // A run that was killed early leaves no more than the first two; file systems make the third.
-        if ![STARTING, EARLIER, "lost+found"].contains(&name.as_str()) {
+        if ![STARTING, EARLIER, "lost+found"].contains(&name.as_str()) && !is_unfinished(&name) {
             return Ok(Some(name));
         }
     }
@@ -415,6 +419,8 @@ mod tests {
     fn a_run_that_was_refused_leaves_nothing_and_one_that_failed_its_report() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let root = folder.path().join("a/b");
+        fs::write(folder.path().join("topology.toml.aB3dEf.part"), "").expect("writable folder");
+        drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("what a killed run left"));
         drop(OutputFolder::open(&root, &topology(), ANEW).expect("writable folder"));
         assert!(!folder.path().join("a").exists());
         // Nothing is in the way.
