@@ -118,6 +118,10 @@ impl State {
     pub(super) fn master_listens(&mut self, id: ProcessId, cluster: ClusterId, address: SocketAddr) {
         self.enter(id, Stage::Serving);
         self.cluster(cluster).master = Some(address);
+        // It would keep tiles for nodes that do not come.
+        let is_aside = |node: &NodeId| self.places[usize::from(node.0)].set_aside;
+        let aside: Vec<_> = self.members(cluster).filter(is_aside).collect();
+        aside.into_iter().for_each(|node| self.tell_master(cluster, MasterCommand::NodeSetAside { node }));
         self.configure_nodes();
     }
 

@@ -317,6 +317,24 @@ fn a_cluster_whose_server_dies_starts_again_with_all_it_has() {
 }
 
 #[test]
+fn a_new_master_knows_the_nodes_that_were_set_aside_before_it() {
+    let mut stage = Stage::running(3, 8);
+    for id in [MASTER, BUS, node(0, 0), node(1, 0), node(2, 0)] {
+        stage.exits(id);
+    }
+    let of_epoch = |id: ProcessId| ProcessId { epoch: Epoch(1), ..id };
+    stage.state.set_aside(NodeId(1), "it failed");
+    stage.happens(Event::Connected(of_epoch(BUS)));
+    stage.happens(Event::Connected(of_epoch(MASTER)));
+    stage.happens(Event::Report(of_epoch(BUS), Report::Bus(BusReport::Listening(address(1)))));
+    // Without it, a tile that only node 1 could verify would wait there for ever.
+    let listens = Report::Master(MasterReport::Listening(address(2)));
+    let actions = stage.happens(Event::Report(of_epoch(MASTER), listens));
+    let told = Command::Master(MasterCommand::NodeSetAside { node: NodeId(1) });
+    assert!(actions.contains(&Action::Tell(of_epoch(MASTER), told)), "{actions:?}");
+}
+
+#[test]
 fn a_cluster_without_nodes_gets_no_tiles() {
     let mut plan = sample::plan(1, 4);
     plan.cluster.count = 2;
