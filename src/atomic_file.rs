@@ -1,6 +1,6 @@
 //! Files that are there whole or not at all: written beside their final name, then renamed.
 //!
-//! What stands at an output path decides what is done. Nothing, or a regular file: it is replaced. A symbolic link to a
+//! What is found at an output path decides what is done. Nothing, or a regular file: it is replaced. A symbolic link to a
 //! regular file: that file is replaced, and the link stays. Standard output or standard error, a pipe, a character
 //! device: the bytes are written to it. Anything else is refused.
 
@@ -28,7 +28,7 @@ const RANDOM_CHARACTERS: usize = 6;
 const PIPE_DEADLINE: Duration = Duration::from_secs(10);
 const PIPE_PAUSE: Duration = Duration::from_millis(10);
 
-/// Writes `path` by way of `contents`; on an error a regular file that stood there before is left as it was.
+/// Writes `path` by way of `contents`; on an error a regular file that was there before is left as it was.
 ///
 /// # Errors
 /// What the file system or `contents` says, or a folder, a block device, a socket, a link to nothing, or a pipe that no
@@ -51,7 +51,7 @@ pub(crate) fn replace(path: &Path, mode: u32, contents: impl FnOnce(&mut Writer)
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut prefix = OsString::from(path.file_name().ok_or_else(|| io::Error::other("is not the name of a file"))?);
     prefix.push(".");
-    // New, and under a name that nobody can know before. It is removed again unless all goes well.
+    // New, and under a name that no other process can know before. It is removed again unless all goes well.
     let (file, beside) = tempfile::Builder::new()
         .prefix(&prefix)
         .rand_bytes(RANDOM_CHARACTERS)

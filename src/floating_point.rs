@@ -1,5 +1,5 @@
 //! The floating-point environment: an image is the same to the bit only where every operation rounds to nearest and
-//! numbers below the normal range count as what they are.
+//! numbers below the normal range are not replaced by zero.
 //!
 //! The environment is found out by calculating, on any architecture: what matters is what this very program computes,
 //! not how a register is named. Threads inherit the environment of the thread that starts them.

@@ -135,7 +135,7 @@ fn write_when_ready(to: BorrowedFd<'_>, mut text: &[u8], patience: u8) -> io::Re
     Ok(())
 }
 
-/// Room, or an error that writing will tell.
+/// Room, or an error that the next write will return.
 fn is_ready(to: BorrowedFd<'_>, milliseconds: u8) -> bool {
     loop {
         match poll(&mut [PollFd::new(to, PollFlags::POLLOUT)], milliseconds) {

@@ -5,7 +5,8 @@ use std::io::{self, ErrorKind, IoSlice, Write};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// For somebody to make room. Less than a thread may be stuck, and than others wait for what is written.
+/// For room to be made. Shorter than the time after which a thread counts as stuck, and than the deadlines of other processes
+/// that wait for what is written.
 const DEADLINE: Duration = Duration::from_secs(3);
 const PAUSE: Duration = Duration::from_millis(20);
 

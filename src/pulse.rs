@@ -1,5 +1,5 @@
-//! Whether the threads of a process get on with their work. A thread that is at work, does not turn, and uses no processor
-//! time either waits for what does not come: a lock, a disk.
+//! Whether the threads of a process make progress. A thread that is at work, takes no step and uses no processor time is
+//! stuck: it waits for a lock or for a disk, for example.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};

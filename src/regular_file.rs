@@ -1,5 +1,4 @@
-//! Regular files, and nothing else. To open a pipe, a device or a socket in the place of one may wait for ever, or do
-//! harm.
+//! Opens regular files only. Opening a pipe, a device or a socket instead of a file may wait for ever, or do harm.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;

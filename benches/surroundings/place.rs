@@ -107,7 +107,7 @@ impl Process {
         pids.split_whitespace().next_back()?.parse().ok()
     }
 
-    /// For who looks into a hang.
+    /// For a look into a hang.
     pub(crate) fn whereabouts(&self) -> String {
         let waits = fs::read_to_string(format!("/proc/{}/wchan", self.pid)).unwrap_or_default();
         format!("{} in state {} ({waits})", self.name, self.state)
@@ -117,7 +117,7 @@ impl Process {
 impl Drop for Place {
     fn drop(&mut self) {
         drop(self.keeper.stdin.take());
-        // It ends when all others have, and a process that nobody waited for does not.
+        // It ends when all others have, and a process that was not waited for does not.
         if !std::thread::panicking() {
             let _ = self.keeper.wait();
         }

@@ -88,7 +88,7 @@ impl Surroundings {
         }
     }
 
-    /// All but the deeds, as a row tells it.
+    /// All but the deeds, as in a row.
     pub(crate) fn outset(&self) -> String {
         let Self { disk_bytes, disk_files, streams, limits, user, memory_bytes, deeds: _ } = self;
         let limits: Vec<String> = limits.iter().map(Limit::option).collect();
@@ -133,7 +133,7 @@ impl Surroundings {
             }
             Kind::LimitFiles => self.limit("nofile", (3, 40), random),
             Kind::LimitProcesses => {
-                // Nobody else's processes count.
+                // No other processes count.
                 self.user = Some(50_000 + random.below(10_000));
                 self.limits.push(Limit { resource: "nproc", value: random.between(1, 20) });
             }

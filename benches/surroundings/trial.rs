@@ -1,4 +1,4 @@
-//! One run, its resumes, and what is held against them.
+//! One run, its resumes, and their faults.
 
 use std::fs;
 use std::path::Path;

@@ -134,7 +134,7 @@ pub(crate) fn attempt(
 impl Watch<'_> {
     fn step(&mut self, deeds: &mut Vec<(When, Deed)>, share: u64, pipes: &Pipes) {
         let elapsed = self.start.elapsed();
-        // Nobody is disturbed while the shell makes way for the program.
+        // No process is disturbed while the shell makes way for the program.
         let begun = Process::find(self.manager).is_some_and(|process| process.name == "marti");
         if !begun {
             return;

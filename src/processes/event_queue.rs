@@ -32,7 +32,7 @@ pub(super) async fn aside<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> io::Result<T> {
     let (sender, done) = oneshot::channel();
-    // An error of sending means that nobody waits for the outcome any more.
+    // An error of sending means that the outcome is not awaited any more.
     let pulse = pulse.clone();
     let started = thread::Builder::new().name(name.to_owned()).spawn(move || {
         // Without memory a thread may be stuck in the very report of it.

@@ -56,7 +56,7 @@ impl FolderClaim {
         Ok(Self { root: root.to_owned(), _lock: lock, unlocked, aside: None, made })
     }
 
-    /// That nobody can tell whether other processes write into the folder, if so.
+    /// A warning where the file system cannot lock: other processes may write into the folder too.
     pub(super) fn warning(&self) -> Option<String> {
         let error = self.unlocked.as_ref()?;
         Some(format!("{} cannot be locked ({error}): make sure that nothing else writes into it", self.root.display()))

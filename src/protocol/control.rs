@@ -59,7 +59,7 @@ macro_rules! commands {
 
 commands! { BusCommand MasterCommand NodeCommand DisplayCommand }
 
-/// What a process tells the manager: among it, that it lives, and what somebody should know of.
+/// What a process reports to the manager. Each kind has a heartbeat and an incident.
 pub trait Report: Message + Clone {
     const HEARTBEAT: Self;
 
@@ -316,12 +316,12 @@ pub struct DisplayConfiguration {
 /// Display to manager.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DisplayReport {
-    /// Told before it listens: what it has from the journal.
+    /// What it has from the journal; sent before it listens.
     Restored(Holdings),
     Listening(SocketAddr),
     Heartbeat,
     Incident(String),
-    /// A later result of a tile that was there already was held against it.
+    /// A later result of a tile was compared with the one in the frame.
     Compared(Comparison),
     /// The process sent what it was not permitted to, or what no tracer computes.
     Forged {

@@ -54,7 +54,7 @@ impl fmt::Display for Role {
 }
 
 /// A secret of one run: 32 random bytes that the manager hands down to servers by an inherited pipe; or what follows from
-/// it for one process ([`Self::of`]), which is what a hello shows, and all that a node has. So neither another user nor a
+/// it for one process ([`Self::of`]): that is what a hello shows, and a node has no other. So neither another user nor a
 /// process of an earlier run can join, and no node can pose as another process. Compared in constant time, never printed.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub struct RunToken([u8; 32]);

@@ -1,4 +1,4 @@
-//! What a node cannot make up: that a tile was handed to its process, and that the display has the pixels.
+//! Proofs that a node cannot forge: that a tile was handed to its process, and that the display has the pixels.
 //!
 //! ```text
 //! manager ── key ──▶ masters, display (never a node)

@@ -58,7 +58,7 @@ pub struct Report {
     pub bus: Option<Bus>,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub conservation: Option<Conservation>,
-    /// `None` where no display lived to tell what it holds.
+    /// `None` where no display lived to report what it has.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
     pub incidents: Vec<Incident>,

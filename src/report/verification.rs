@@ -1,4 +1,4 @@
-//! Which tiles of the image more than one node agrees about.
+//! Which tiles of the image were rendered by more than one node, with the same bytes.
 
 use serde::{Deserialize, Serialize};
 

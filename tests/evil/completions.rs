@@ -1,4 +1,4 @@
-//! Tiles told done that are not, and counts that are none.
+//! Tiles reported done that are not, and counts that cannot be.
 
 use crate::run::{COUNTED, VERIFIED, WHOLE, finds, run, survives};
 

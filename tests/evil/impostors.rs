@@ -1,4 +1,4 @@
-//! A node in another one's name: nobody comes to harm of what was not his.
+//! A node that poses as another process: no other process is condemned for it.
 
 use crate::run::{COUNTED, VERIFIED, WHOLE, survives};
 

@@ -1,4 +1,4 @@
-//! What a node tells the manager.
+//! What a node reports to the manager.
 
 use crate::run::{COUNTED, PATIENT, WHOLE, finds, survives};
 
@@ -12,7 +12,7 @@ fn failed() {
     finds("failed", &[WHOLE]);
 }
 
-/// A process may be asked to leave by whoever has its machine, and another takes its place; but not for ever where no tile
+/// A process may be asked to leave by the operator of its machine, and another takes its place; but not for ever where no tile
 /// is done in between.
 #[test]
 fn leaving() {

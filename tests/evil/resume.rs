@@ -32,7 +32,7 @@ fn resume(folder: &Folder) {
     assert_eq!(&outcome.report()["image"]["sha256"], right(), "{:?}", outcome.incidents());
 }
 
-/// Wrong tiles of a process that nobody has found out yet are in the journal when the manager is killed.
+/// Wrong tiles of a process that is not condemned yet are in the journal when the manager is killed.
 #[test]
 fn greylater_and_resumed() {
     let folder = Folder::new();
@@ -48,7 +48,7 @@ fn greylater_and_resumed() {
 }
 
 /// A process is found out, and the run interrupted at that moment: nothing that it did is in the image, nor what it has
-/// not even told done. The moment is short, hence several runs.
+/// not even reported done. The moment is short, hence several runs.
 #[test]
 fn greyheld_and_interrupted() {
     for _ in 0..10 {
@@ -58,7 +58,7 @@ fn greyheld_and_interrupted() {
         let log = folder.out.join("logs/manager.log");
         let is_found = || fs::read_to_string(&log).is_ok_and(|log| log.contains("node 0 is set aside"));
         wait_for("a verdict", is_found);
-        // What is told meanwhile, and the signal, come at one time.
+        // Reports that arrive meanwhile, and the signal, come at one time.
         for (sent, pause) in [(Signal::SIGSTOP, 0), (Signal::SIGINT, 20), (Signal::SIGCONT, 0)] {
             signal(&manager, sent);
             std::thread::sleep(Duration::from_millis(pause));

@@ -161,7 +161,7 @@ pub(crate) fn run_with_files(mode: &str, files: u32, sets: &[&str]) -> Outcome {
     outcome
 }
 
-/// [`run()`] where the image is right, and nobody but the evil node comes to harm.
+/// [`run()`] where the image is right, and no process but the evil node is ended.
 pub(crate) fn survives(mode: &str, sets: &[&str]) -> Outcome {
     let outcome = run(mode, sets);
     outcome.assert_right(mode);
@@ -189,7 +189,7 @@ impl Outcome {
         self.incidents().iter().any(|text| text.starts_with("node 0 ") && text.contains("is set aside"))
     }
 
-    /// Of nodes 1 to 3, and of the servers: that they died, were killed, or set aside. What they tell of others is not.
+    /// Of nodes 1 to 3, and of the servers: that they died, were killed, or set aside. What they report of others does not count.
     fn harmed(&self) -> Vec<&str> {
         let honest = ["node 1", "node 2", "node 3", "the bus", "the master", "the display"];
         let is_harm = |text: &&str| {

@@ -26,7 +26,7 @@ use crate::pulse::Pulse;
 
 /// Tiles received and not composited yet, of all nodes.
 const TILES_MAX: usize = 16;
-/// Replies that a node has not read: it has fewer tiles under way.
+/// Replies that a node has not read yet. An honest node has fewer tiles on their way.
 const REPLIES_MAX: usize = 64;
 
 #[derive(Debug, thiserror::Error)]
@@ -218,7 +218,7 @@ impl Shell {
         Ok(())
     }
 
-    /// Waits for nobody: a node that does not read its replies is dropped alone.
+    /// Does not wait: a node that does not read its replies is dropped, and no other.
     async fn reply(&mut self, link: &Link, to: ConnectionId, reply: ImageReply) -> Result<(), DisplayError> {
         let Some(node) = self.nodes.get(&to) else { return Ok(()) };
         match node.sender.send(reply) {

@@ -35,7 +35,7 @@ pub enum Event<'a> {
     TellHoldings {
         question: u32,
     },
-    /// Somebody was not let in, spoke nonsense, or did not read.
+    /// A peer was refused, sent what is no message, or did not read.
     Refused(String),
 }
 

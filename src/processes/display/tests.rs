@@ -218,7 +218,7 @@ async fn a_wrong_tile_is_found_and_all_of_its_process_is_replaced() {
     assert_eq!(manager.finish().await.sha256, expected);
 }
 
-/// A display that waited for it would serve nobody else.
+/// A display that waited for it would serve no other node.
 #[tokio::test]
 async fn a_node_that_does_not_read_is_dropped_alone() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -59,7 +59,7 @@ impl State {
         }
     }
 
-    /// Who is connected and waits for the beginning is not late.
+    /// A process that is connected and waits for the beginning is not late.
     pub(super) fn wait_for_beginning(&mut self) {
         if self.beginning == Beginning::Awaited {
             self.table.excuse_connected(self.now);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn who_writes_files_is_configured_when_the_run_has_begun() {
+    fn processes_that_write_files_are_configured_when_the_run_has_begun() {
         let (mut state, _) = State::start(sample::plan(2, 4));
         assert_eq!(connects(&mut state, BUS), []);
         assert_eq!(connects(&mut state, Role::Node(NodeId(0))), []);
@@ -112,7 +112,7 @@ mod tests {
         let mut roles = configured(&happens(&mut state, 0, Event::Begun(Ok(()))));
         roles.sort_by_key(|role| *role == BUS);
         assert_eq!(roles, [DISPLAY, BUS]);
-        // Who comes later is configured at once.
+        // A process that connects later is configured at once.
         happens(&mut state, 0, Event::Exited(ProcessId::first(DISPLAY), "died".to_owned()));
         let next = state.display_process();
         assert_eq!(configured(&happens(&mut state, 0, Event::Connected(next))), [DISPLAY]);

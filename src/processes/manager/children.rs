@@ -95,7 +95,8 @@ impl Children {
         });
     }
 
-    /// A server judges others by the run's token; a node is dialled by nobody, and gets its own alone.
+    /// A server checks its peers' tokens, and needs the run's token for that. No process dials a node: it gets its own token
+    /// only.
     fn token_for(&self, ProcessId { role, epoch }: ProcessId) -> RunToken {
         match role {
             Role::Node(_) => self.token.of(role, epoch),

@@ -85,7 +85,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
             non_finite_pixels: total.trace.non_finite_pixels,
             unverified: imbalance.clone(),
             files: ledger.display.as_ref().map_or_else(Vec::new, |display| display.written.clone()),
-            // The display may have written where nobody else can read.
+            // The display may have written where this process cannot read.
             file_sha256: None,
         },
         kernel,

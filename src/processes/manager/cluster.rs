@@ -156,7 +156,7 @@ impl State {
     }
 
     /// A bus that cannot write its recording, as a rule. While the run goes on another one takes its place; at the end of
-    /// the run nobody can write what is missing.
+    /// the run no process can write what is missing.
     pub(super) fn bus_failed(&mut self, id: ProcessId, why: &str) {
         match self.phase {
             Phase::Running => self.doom(id, format!("failed: {why}")),

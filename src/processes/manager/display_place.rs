@@ -19,7 +19,7 @@ pub(super) struct DisplayPlace {
     /// Whether it has reported what it holds, and with that everything it found before; `None`: it was not asked since
     /// something changed.
     has_told_all: Option<bool>,
-    /// The number of the latest question what it holds.
+    /// The number of the latest question about what it has.
     pub(super) question: u32,
     /// What it held of each process when it reported last.
     pub(super) shares: Vec<Share>,

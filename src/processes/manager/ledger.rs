@@ -51,7 +51,7 @@ pub(super) struct Book {
     /// What they missed.
     pub(super) missed: Counters,
     pub(super) lost: Vec<LostAttempt>,
-    /// Attempts told done by a process that is condemned: what it counted is not believed.
+    /// Attempts that a condemned process reported done: its counts are not used.
     pub(super) disowned: Vec<LostAttempt>,
     pub(super) bus: Option<BusTotals>,
     pub(super) master: Option<MasterTotals>,
@@ -94,7 +94,7 @@ impl Ledger {
         }
     }
 
-    /// Books what a master told done by a process that is condemned: its fetches are those of a lost attempt.
+    /// Books a tile that a condemned process reported done: its fetches count as those of a lost attempt.
     pub(super) fn disown(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
         let book = self.books.entry(cluster).or_default();
         book.told_done += 1;

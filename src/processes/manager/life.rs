@@ -134,7 +134,7 @@ impl Started {
     async fn ended(&mut self) -> io::Result<ExitStatus> {
         let mut deaths = signal(SignalKind::child())?;
         // The leader is looked at, and not taken off the system's table yet: until then its number, which is the group's,
-        // is given to nobody else.
+        // is given to no other process.
         let look = WaitPidFlag::WEXITED | WaitPidFlag::WNOWAIT | WaitPidFlag::WNOHANG;
         loop {
             match waitid(Id::Pid(self.group), look) {
@@ -300,7 +300,7 @@ mod tests {
         let printed = std::fs::read_to_string(log.path()).expect("a log");
         let pid = Pid::from_raw(printed.trim().parse().expect("a number"));
         for _ in 0..200 {
-            // One that nobody has waited for yet is a zombie.
+            // A process that has ended, and whose parent has not waited for it yet, is a zombie.
             let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
             if stat.is_empty() || stat.contains(") Z ") {
                 return true;

@@ -1,7 +1,8 @@
 //! `--out DIR`: what a run writes, and where.
 //!
 //! The folder is one run's from [`OutputFolder::open`] on. What earlier runs left there stays as it is until
-//! [`OutputFolder::begin`]; until then this run's files are in `starting`.
+//! [`OutputFolder::begin`]; until then this run's files are in `starting`. Where nothing is in the way, they are at their
+//! place from the start.
 
 use std::fs;
 use std::io::{self, Read, Write};
@@ -95,7 +96,9 @@ pub(super) struct OutputFolder {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Stage {
-    /// Nothing is worth keeping yet.
+    /// Nothing is worth keeping yet, and nothing of an earlier run is in the way.
+    Fresh,
+    /// Nothing is worth keeping yet, and results of an earlier run are in the way.
     Starting,
     Begun,
     /// It came to its end before it had begun.
@@ -103,7 +106,7 @@ enum Stage {
 }
 
 impl OutputFolder {
-    /// Makes the folder if need be, locks it, and prepares `starting`.
+    /// Makes the folder if need be, locks it, and prepares the place for topology and logs.
     ///
     /// # Errors
     /// Another process writes into it, no run wrote what it holds, or something cannot be made; the error names it.
@@ -118,12 +121,15 @@ impl OutputFolder {
             return Err(OutputError::Foreign { root: root.to_owned(), entry });
         }
         let keeps_journal = opening == Opening::Resume;
-        let mut folder = Self { root: root.to_owned(), claim, keeps_journal, stage: Stage::Starting };
+        let mut folder = Self { root: root.to_owned(), claim, keeps_journal, stage: Stage::Fresh };
         // Of a run that was killed before it had begun.
         folder.claim.put_aside(STARTING)?;
-        make(&folder.starting())?;
+        if folder.results().any(|name| fs::symlink_metadata(root.join(name)).is_ok()) {
+            folder.stage = Stage::Starting;
+        }
+        make(&folder.place())?;
         let toml = topology.to_toml().map_err(io::Error::other)?;
-        atomic_file::write(&folder.starting().join(TOPOLOGY_NAME), |file| {
+        atomic_file::write(&folder.place().join(TOPOLOGY_NAME), |file| {
             file.write_all(RESOLVED.as_bytes())?;
             file.write_all(toml.as_bytes())
         })?;
@@ -137,9 +143,6 @@ impl OutputFolder {
     /// # Errors
     /// Something cannot be moved; the error names it.
     pub(super) fn begin(&mut self) -> io::Result<()> {
-        for name in self.results().filter(|name| *name != TOPOLOGY_NAME) {
-            self.claim.put_aside(name)?;
-        }
         for entry in fs::read_dir(&self.root).map_err(|error| named(&self.root, &error))? {
             let entry = entry.map_err(|error| named(&self.root, &error))?;
             let name = entry.file_name();
@@ -148,34 +151,37 @@ impl OutputFolder {
                 self.claim.put_aside(&name.to_string_lossy())?;
             }
         }
-        make(&self.recording())?;
-        let starting = self.starting();
-        // What `--resume` reads is there at any moment: the earlier topology until the new one takes its place.
-        self.claim.keep_aside(TOPOLOGY_NAME)?;
-        for name in ["logs", TOPOLOGY_NAME] {
-            let path = starting.join(name);
-            fs::rename(&path, self.root.join(name)).map_err(|error| named(&path, &error))?;
+        if self.stage == Stage::Starting {
+            self.replace_results()?;
         }
-        fs::remove_dir_all(&starting).map_err(|error| named(&starting, &error))?;
+        make(&self.recording())?;
         self.stage = Stage::Begun;
         Ok(())
     }
 
-    /// The run is over, and says so in its report. If it had not begun, and nothing of an earlier run is in its way, that
-    /// is made up for.
-    ///
-    /// # Errors
-    /// As [`Self::begin`]'s.
-    pub(super) fn end(&mut self) -> io::Result<()> {
-        if self.stage == Stage::Begun {
-            return Ok(());
+    fn replace_results(&mut self) -> io::Result<()> {
+        for name in self.results().filter(|name| *name != TOPOLOGY_NAME) {
+            self.claim.put_aside(name)?;
         }
-        self.stage = Stage::Failed;
-        let is_there = |name: &&str| fs::symlink_metadata(self.root.join(name)).is_ok();
-        if self.results().any(|name| is_there(&name)) { Ok(()) } else { self.begin() }
+        // What `--resume` reads is there at any moment: the earlier topology until the new one takes its place.
+        self.claim.keep_aside(TOPOLOGY_NAME)?;
+        let starting = self.starting();
+        for name in ["logs", TOPOLOGY_NAME] {
+            let path = starting.join(name);
+            fs::rename(&path, self.root.join(name)).map_err(|error| named(&path, &error))?;
+        }
+        fs::remove_dir_all(&starting).map_err(|error| named(&starting, &error))
     }
 
-    /// Where to look for what a run left that came to its end before it had begun.
+    /// The run is over, and its report says so, even if it has not begun.
+    pub(super) fn end(&mut self) {
+        self.stage = match self.stage {
+            Stage::Fresh | Stage::Begun => Stage::Begun,
+            Stage::Starting | Stage::Failed => Stage::Failed,
+        };
+    }
+
+    /// Where logs and report are of a run that ended before it had begun, with results of an earlier run in the way.
     pub(super) fn failed_start(&self) -> Option<PathBuf> {
         (self.stage == Stage::Failed).then(|| self.starting())
     }
@@ -200,7 +206,10 @@ impl OutputFolder {
 
     /// Where logs and report are.
     fn place(&self) -> PathBuf {
-        if self.stage == Stage::Begun { self.root.clone() } else { self.starting() }
+        match self.stage {
+            Stage::Fresh | Stage::Begun => self.root.clone(),
+            Stage::Starting | Stage::Failed => self.starting(),
+        }
     }
 
     pub(super) fn image(&self) -> PathBuf {
@@ -228,10 +237,15 @@ impl OutputFolder {
 /// A run that was refused leaves nothing behind.
 impl Drop for OutputFolder {
     fn drop(&mut self) {
-        if self.stage == Stage::Starting {
-            // Neither error can be helped; the next run puts aside what is left.
-            let _ = fs::remove_dir_all(self.starting());
-            self.claim.withdraw();
+        // Errors cannot be helped; the next run puts aside what is left.
+        match self.stage {
+            Stage::Begun | Stage::Failed => {}
+            Stage::Starting => drop(fs::remove_dir_all(self.starting())),
+            Stage::Fresh => {
+                let _ = fs::remove_dir_all(self.logs());
+                let _ = fs::remove_file(self.root.join(TOPOLOGY_NAME));
+                self.claim.withdraw();
+            }
         }
     }
 }
@@ -371,7 +385,8 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         fs::create_dir(path(STARTING)).expect("writable folder");
         drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("an empty start"));
-        std::mem::forget(OutputFolder::open(folder.path(), &topology(), ANEW).expect("nothing"));
+        fs::write(path("report.json"), r#"{"schema_version": 1}"#).expect("writable folder");
+        std::mem::forget(OutputFolder::open(folder.path(), &topology(), ANEW).expect("a run's"));
         // The lock is still held by what was forgotten: another name of the same bytes.
         let copy = tempfile::tempdir().expect("temporary folder");
         fs::rename(path(STARTING), copy.path().join(STARTING)).expect("writable folder");
@@ -425,11 +440,12 @@ mod tests {
         assert!(!folder.path().join("a").exists());
         // Nothing is in the way.
         let mut first = OutputFolder::open(&root, &topology(), ANEW).expect("writable folder");
-        first.end().expect("writable folder");
+        assert_eq!(first.logs(), root.join("logs"), "messages name it");
+        first.end();
         assert_eq!((first.failed_start(), first.report()), (None, root.join("report.json")));
         drop(first);
         let mut second = OutputFolder::open(&root, &topology(), ANEW).expect("writable folder");
-        second.end().expect("writable folder");
+        second.end();
         assert_eq!(second.report(), root.join("starting/report.json"));
         assert_eq!(second.failed_start(), Some(root.join(STARTING)));
         drop(second);

@@ -35,7 +35,7 @@ impl ProcessTable {
         self.processes.iter().filter(|process| process.id.node().is_some())
     }
 
-    /// No deadline of those who are connected and wait begins before now.
+    /// For processes that are connected and wait, deadlines begin now.
     pub(super) fn excuse_connected(&mut self, now: Duration) {
         let waiting = self.processes.iter_mut().filter(|process| process.stage == Stage::Connected);
         waiting.for_each(|process| process.since = now);

@@ -1,7 +1,7 @@
-//! Which tiles are rendered twice, what came of it, and who is wrong where two results differ.
+//! Which tiles are rendered twice, what came of it, and which process is wrong where two results differ.
 //!
 //! The display compares; here it is decided. Two processes that disagree about a tile are both suspected until a third
-//! one has rendered it: who agrees with nobody is wrong, and so is everything it did.
+//! one has rendered it: the process that agrees with no other is wrong, and so is everything that it rendered.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -31,7 +31,7 @@ pub(super) struct Verification {
     agreed: BTreeMap<TileId, Agreement>,
     /// No node was left that could render these again.
     given_up: BTreeSet<TileId>,
-    /// Since when nobody works on anything, while a comparison is awaited.
+    /// Since when no tile is out, while a comparison is awaited.
     quiet_since: Option<Duration>,
     disagreements: u64,
 }
@@ -55,7 +55,7 @@ pub(super) enum Verdict {
     Agreed,
     /// The tile is to be rendered once more, by none of these nodes: so far one node alone has rendered it.
     Again { except: Vec<NodeId> },
-    /// Somebody else is to render the tile: none of these nodes.
+    /// Another node is to render the tile: none of these.
     Dispute { except: Vec<NodeId> },
     /// These processes are wrong.
     Wrong(Vec<Producer>),
@@ -136,7 +136,7 @@ impl Verification {
         self.open.is_empty()
     }
 
-    /// Whether comparisons are awaited that nobody is about to bring; `quiet`: nobody works on anything.
+    /// Whether comparisons are awaited that no tile on its way will bring; `quiet`: no tile is out.
     pub(super) fn is_overdue(&mut self, now: Duration, quiet: bool) -> bool {
         if !quiet || self.is_idle() {
             self.quiet_since = None;
@@ -151,7 +151,7 @@ impl Verification {
         self.open.iter().map(|(&tile, case)| (tile, case.nodes()))
     }
 
-    /// Nobody is left who could render the tile again. `true`: it was in dispute, and cannot be settled.
+    /// No node is left that could render the tile again. `true`: it was in dispute, and cannot be settled.
     pub(super) fn give_up(&mut self, tile: TileId) -> bool {
         self.given_up.insert(tile);
         self.open.remove(&tile).is_some_and(|case| case.is_disputed())

@@ -33,7 +33,7 @@ const BUS_DEADLINE: Duration = Duration::from_secs(5);
 const TICK: Duration = Duration::from_millis(100);
 /// Requests of nodes that were not looked at yet.
 const EVENTS_MAX: usize = 1024;
-/// Jobs that a node has not read: more than it may hold.
+/// Jobs that a node has not read yet. An honest node is handed fewer at a time.
 const JOBS_MAX: usize = 64;
 
 #[derive(Debug, thiserror::Error)]
@@ -61,7 +61,7 @@ pub fn run(child: &Child) -> Result<(), MasterError> {
         let mut link: Link = child.control()?;
         let served = serve(child, &mut link).await;
         if let Err(error) = &served {
-            // Where the manager is gone nobody is left to be told.
+            // An error means that the manager is gone.
             let _ = report(&link, MasterReport::Incident(error.to_string())).await;
         }
         link.close();
@@ -172,11 +172,11 @@ impl Shell {
         Event::Connected(process)
     }
 
-    /// Waits for nobody: a node that does not read its jobs is dropped alone.
+    /// Does not wait: a node that does not read its jobs is dropped, and no other.
     async fn hand(&mut self, link: &Link, to: NodeProcess, job: WorkReply) -> Result<(), MasterError> {
         let Some(node) = self.nodes.get(&to) else { return Ok(()) };
         match node.sender.send(job) {
-            // The manager tells how it ended.
+            // The manager reports how it ended.
             Ok(()) | Err(ConnectionError { fault: Fault::Closed, .. }) => Ok(()),
             Err(error) => {
                 self.nodes.remove(&to);

@@ -1,4 +1,4 @@
-//! What a node does with a tile that it is handed, and what it tells the master of one that is done.
+//! What a node does with a tile that it is handed, and what it reports to the master of one that is done.
 
 use std::process;
 

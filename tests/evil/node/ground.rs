@@ -1,4 +1,4 @@
-//! What every mode stands on: the control connection, the configuration, and dialling anybody as anyone.
+//! What every mode needs: the control connection, the configuration, and dialling any process as any other.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -45,7 +45,7 @@ impl Ground {
         connect(role, self.address(role), &self.introduction, CONNECT_DEADLINE).await
     }
 
-    /// As somebody else.
+    /// As another process.
     pub(crate) async fn dial_as(&self, me: Role, epoch: Epoch, role: Role) -> Result<Connection, ConnectionError> {
         let mut introduction = self.introduction.clone();
         (introduction.hello.role, introduction.hello.epoch) = (me, epoch);

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 #[value(rename_all = "lower")]
 pub(crate) enum Mode {
     // Pixels.
-    /// Tells tiles done whose pixels it never sends.
+    /// Reports tiles done whose pixels it never sends.
     NoPixels,
     /// Sends grey pixels of all tiles as attempt 0, before it is handed any.
     Ahead,
@@ -28,7 +28,7 @@ pub(crate) enum Mode {
     GreyLast,
     /// Sends grey pixels of all tiles but its first and those that it is to check.
     GreyLater,
-    /// Sends grey pixels, and tells its first tile done alone.
+    /// Sends grey pixels, and reports its first tile done, no other.
     GreyHeld,
     /// Sends grey pixels of tiles that were rendered before: it is to check them.
     FalseChecker,
@@ -47,25 +47,25 @@ pub(crate) enum Mode {
     /// Sends other pixels of every tile 240 times, all different.
     Disputes,
     // Completions.
-    /// Tells tiles done before the display has acknowledged them.
+    /// Reports tiles done before the display has acknowledged them.
     EarlyDone,
-    /// Sends every second tile only, and tells the other ones done with it.
+    /// Sends every second tile only, and reports the other ones done with it.
     OtherTile,
-    /// Tells tiles done that it was not handed.
+    /// Reports tiles done that it was not handed.
     NotHeld,
-    /// Tells each tile done twice.
+    /// Reports each tile done twice.
     DoneTwice,
     /// Asks for a tile a thousand times.
     Readies,
     /// Takes tiles, and does nothing with them.
     Hoard,
-    /// Tells 2^64 - 1 of whatever is counted.
+    /// Reports 2^64 - 1 of whatever is counted.
     MaxCounters,
-    /// Tells more misses than accesses.
+    /// Reports more misses than accesses.
     MoreMisses,
-    /// Tells more primary rays than a tile has pixels.
+    /// Reports more primary rays than a tile has pixels.
     WrongRays,
-    /// Tells an access and a hit more than there were.
+    /// Reports an access and a hit more than there were.
     WrongHits,
     // Time.
     /// Lives, and does nothing.
@@ -78,7 +78,7 @@ pub(crate) enum Mode {
     Mortal,
     /// Dies of every tile.
     DieHolding,
-    /// Does not end when it is told to.
+    /// Does not end when it is asked to.
     NoFinish,
     // Connections.
     /// Dials the display 2000 times, and leaves.
@@ -102,7 +102,7 @@ pub(crate) enum Mode {
     BadFetch,
     /// Stores, as the manager alone may.
     Store,
-    /// Fetches more than it tells.
+    /// Fetches more than it reports.
     ExtraFetches,
     /// Sends the bus a million messages that are not answered.
     BusMessages,
@@ -120,17 +120,17 @@ pub(crate) enum Mode {
     /// Comes to the bus as the manager, and stores.
     PoseLoader,
     // Reports to the manager.
-    /// Tells 3000 long incidents with escape codes and the line of another image.
+    /// Reports 3000 long incidents with escape codes and the line of another image.
     Incidents,
-    /// Tells a failure of 60 KB with escape codes.
+    /// Reports a failure of 60 KB with escape codes.
     Failed,
-    /// Tells that it leaves as it was asked to, and leaves.
+    /// Reports that it leaves as it was asked to, and leaves.
     Leaving,
-    /// Tells that it has finished, at the beginning.
+    /// Reports that it has finished, at the beginning.
     Finished,
-    /// Tells that it traces packets over 2^64 - 1 bytes.
+    /// Reports that it traces packets over 2^64 - 1 bytes.
     Packets,
-    /// Tells the manager a million times that it lives.
+    /// Sends the manager a million heartbeats.
     ControlFlood,
     /// Says to the manager what is for the master.
     ForeignControl,

@@ -25,15 +25,15 @@ pub(crate) struct Node {
     to_display: Sender<TilePixels>,
     from_display: Receiver<ImageReply>,
     pub(crate) tracer: Tracer,
-    /// Traced, and not told done.
+    /// Traced, and not reported done.
     pub(crate) traced: Vec<Traced>,
     /// Traced, and kept from the display.
     pub(crate) withheld: Vec<Traced>,
     /// Tiles traced so far.
     pub(crate) count: u32,
-    /// Whether it has told a tile done, where it tells one alone.
+    /// Whether it has reported a tile done, where it reports one only.
     pub(crate) has_told: bool,
-    /// When each tile came that it holds.
+    /// When each tile came that it has.
     pub(crate) since: HashMap<TileId, Instant>,
 }
 
@@ -65,7 +65,7 @@ impl Node {
         })
     }
 
-    /// Until it is told to finish.
+    /// Until it is asked to finish.
     pub(crate) async fn work(&mut self, ground: &mut Ground) -> Outcome {
         loop {
             match self.event(ground).await? {

@@ -1,4 +1,4 @@
-//! What a node tells the manager that is not so, or too much of it.
+//! Reports to the manager that are false, or too many.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ use super::{Outcome, deed, messages};
 const INCIDENTS: u32 = 3000;
 const HEARTBEATS: u32 = 1_000_000;
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
-/// Nobody lets it live for so long.
+/// Longer than it is allowed to live.
 const LIFETIME: Duration = Duration::from_secs(60);
 
 /// As long as a report may be, nearly. Wipes a terminal, and looks like the end of a run.

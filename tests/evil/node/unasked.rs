@@ -1,4 +1,4 @@
-//! Pixels and completions of tiles that nobody handed to this node.
+//! Pixels and completions of tiles that were not handed to this node.
 
 use marti::codec::Message;
 use marti::ids::{Attempt, TileId};
@@ -20,7 +20,7 @@ pub(crate) async fn ahead(ground: &mut Ground) -> Outcome {
     all_grey(ground, display).await
 }
 
-/// Grey pixels of all tiles, in the name of whoever dialled.
+/// Grey pixels of all tiles, as the process that dialled.
 pub(crate) async fn all_grey(ground: &Ground, display: Connection) -> Outcome {
     let (mut display, replies) = display.split::<TilePixels, ImageReply>();
     tokio::spawn(read_all(replies));
