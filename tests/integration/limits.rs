@@ -108,6 +108,34 @@ fn too_few_threads_are_an_error() {
     );
 }
 
+/// A display that is left without a descriptor serves the nodes that it has, and cannot accept their successors.
+#[test]
+fn a_display_that_can_accept_nothing_is_replaced() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let undisturbed = report_of(TEAPOT, &folder.path().join("undisturbed"), &[]);
+    let out = folder.path().join("out");
+    let mut command = Command::new(MARTI);
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["run", TEAPOT, "--quiet", "--out"]).arg(&out);
+    command.args(["--chaos", "kill master 0@60%"]);
+    let start = Instant::now();
+    let mut run = command.spawn().expect("marti can be started");
+    let journal = out.join("tiles");
+    let begun = || fs::metadata(&journal).is_ok_and(|tiles| tiles.len() > 20_000);
+    while !begun() && start.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let display = Command::new("pgrep").args(["--parent", &run.id().to_string(), "marti-display"]).output();
+    let display = String::from_utf8_lossy(&display.expect("procps is here").stdout).trim().to_owned();
+    let limited = Command::new("prlimit").args(["--pid", &display, "--nofile=4:4"]).status();
+    assert!(limited.expect("util-linux is here").success(), "the display was process '{display}'");
+    let status = run.wait().expect("a child");
+    assert!(status.success(), "{status}");
+    let told = incidents(&out);
+    let expected = "no connection was accepted for 10 s: Too many open files";
+    assert!(told.iter().any(|text| text.contains(expected)), "{told:?}");
+    assert_eq!(read_report(&out.join("report.json"))["image"]["sha256"], undisturbed["image"]["sha256"]);
+}
+
 fn has_room(pipe: &PipeWriter) -> bool {
     poll(&mut [PollFd::new(pipe.as_fd(), PollFlags::POLLOUT)], PollTimeout::ZERO).is_ok_and(|ready| ready > 0)
 }

@@ -97,7 +97,7 @@ async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfigurat
     let why = loop {
         tokio::select! {
             // What is refused is in the text log.
-            arrival = listener.arrival() => drop(admit(arrival, &handle)),
+            arrival = listener.arrival() => drop(admit(arrival, &handle)?),
             Some(_) = incidents.recv() => {}
             left = &mut loader_left => match left {
                 Ok(()) => break "the loader has left",

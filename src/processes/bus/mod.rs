@@ -98,7 +98,7 @@ async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> 
             link.reports.send(report).await.map_err(|_| BusError::Orphaned)?;
         }
         tokio::select! {
-            arrival = listener.arrival() => reports.extend(admit(arrival, &handle)),
+            arrival = listener.arrival() => reports.extend(admit(arrival, &handle)?),
             Some(incident) = incidents.recv() => reports.push(BusReport::Incident(incident)),
             outcome = &mut ended => {
                 outcome.map_err(|_| BusError::LoopEnded)??;
@@ -157,17 +157,18 @@ async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listene
 }
 
 /// Hands a peer to the loop; returns what the manager should know if there is none.
-fn admit(arrival: Arrival, handle: &Handle) -> Option<BusReport> {
+fn admit(arrival: Arrival, handle: &Handle) -> Result<Option<BusReport>, ConnectionError> {
     let admitted = arrival.and_then(|(peer, connection)| Ok((peer, connection.into_std()?)));
     let incident = match admitted {
         Ok((peer, socket)) => match handle.send(Command::Admit(peer, socket)) {
-            Ok(()) => return None,
+            Ok(()) => return Ok(None),
             Err(error) => format!("{peer}: not admitted: {error}"),
         },
+        Err(error) if error.is_of_this_process() => return Err(error),
         Err(refused) => refused.to_string(),
     };
     tracing::warn!("{incident}");
-    Some(BusReport::Incident(incident))
+    Ok(Some(BusReport::Incident(incident)))
 }
 
 #[cfg(test)]

@@ -142,7 +142,7 @@ async fn run_until(
         tokio::select! {
             // Who is welcome is admitted, even if the test ends at once.
             biased;
-            arrival = listener.arrival() => drop(admit(arrival, &handle)),
+            arrival = listener.arrival() => drop(admit(arrival, &handle).expect("descriptors")),
             lost = &mut finished => break lost.expect("told"),
         }
     };

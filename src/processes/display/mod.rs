@@ -35,6 +35,8 @@ pub enum DisplayError {
     Start(#[from] StartError),
     #[error("cannot listen: {0}")]
     Listen(#[from] std::io::Error),
+    #[error(transparent)]
+    Port(ConnectionError),
     #[error("the manager is gone")]
     ManagerGone,
     #[error("the manager sent something else than a configuration")]
@@ -188,6 +190,7 @@ impl Shell {
                 },
                 arrival = listener.arrival() => match arrival {
                     Ok((peer, connection)) => self.admit(&peer, connection),
+                    Err(error) if error.is_of_this_process() => return Err(DisplayError::Port(error)),
                     Err(refused) => self.handle(link, Event::Refused(refused.to_string())).await?,
                 },
             }

@@ -43,7 +43,7 @@ pub enum MasterError {
     #[error("cannot listen: {0}")]
     Listen(#[from] std::io::Error),
     #[error(transparent)]
-    Bus(#[from] ConnectionError),
+    Connection(#[from] ConnectionError),
     #[error("the manager is gone")]
     ManagerGone,
     #[error("the manager sent something else than a configuration")]
@@ -142,6 +142,7 @@ impl Shell {
                 Some(event) = self.events.recv() => event,
                 arrival = listener.arrival() => match arrival {
                     Ok((peer, connection)) => self.admit(peer, connection),
+                    Err(error) if error.is_of_this_process() => return Err(MasterError::Connection(error)),
                     Err(refused) => Event::Refused(refused.to_string()),
                 },
             };

@@ -27,10 +27,13 @@ const ARRIVALS_MAX: usize = 64;
 const REFUSALS_MAX: u32 = 32;
 const REFUSALS_A_PERIOD: u32 = 2;
 const REFUSALS_PERIOD: Duration = Duration::from_secs(1);
-/// Pause after the system could not accept (out of file descriptors, as a rule).
+/// Pause after the system could not accept (out of file descriptors, as a rule), and for how long that may go on: less than
+/// the 30 s after which a node gives up a server that does not answer, so that the server alone is replaced.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+const ACCEPT_DEADLINE: Duration = Duration::from_secs(10);
 
-/// What came to a port: a peer, or the reason why somebody was refused.
+/// What came to a port: a peer, or the reason why somebody was refused, or why nobody can come
+/// ([`ConnectionError::is_of_this_process`]).
 pub type Arrival = Result<(Peer, Connection), ConnectionError>;
 
 /// Accepts and greets in tasks of its own until it is dropped.
@@ -70,7 +73,8 @@ impl Listener {
         let listener = socket.listen(BACKLOG)?;
         let address = listener.local_addr()?;
         let (sender, arrivals) = mpsc::channel(ARRIVALS_MAX);
-        tokio::spawn(accept_until_dropped(listener, sender, Arc::new(credentials), Arc::new(admits)));
+        let acceptor = Acceptor { listener, failures: 0 };
+        tokio::spawn(accept_until_dropped(acceptor, sender, Arc::new(credentials), Arc::new(admits)));
         Ok(Self { address, arrivals })
     }
 
@@ -90,7 +94,7 @@ impl Listener {
 }
 
 async fn accept_until_dropped<A>(
-    listener: TcpListener,
+    mut acceptor: Acceptor,
     arrivals: mpsc::Sender<Arrival>,
     credentials: Arc<Credentials>,
     admits: Arc<A>,
@@ -114,7 +118,15 @@ async fn accept_until_dropped<A>(
                     let _ = arrivals.send(arrival).await;
                 }
             }
-            (stream, address) = next_stranger(&listener) => {
+            accepted = acceptor.next() => {
+                let (stream, address) = match accepted {
+                    Ok(accepted) => accepted,
+                    Err(error) => {
+                        let fault = Fault::NotAccepting { deadline: ACCEPT_DEADLINE, error };
+                        let _ = arrivals.send(Err(fault.of(&"its port".into()))).await;
+                        continue;
+                    }
+                };
                 let (number, credentials, admits) = (strangers.next(), Arc::clone(&credentials), Arc::clone(&admits));
                 let handle = greeted.spawn(async move {
                     (number, accept(stream, &credentials, &*admits, HELLO_DEADLINE).await)
@@ -131,14 +143,36 @@ async fn accept_until_dropped<A>(
     }
 }
 
-async fn next_stranger(listener: &TcpListener) -> (TcpStream, SocketAddr) {
-    loop {
-        match listener.accept().await {
-            Ok(accepted) => return accepted,
-            Err(error) => {
+/// Accepts connections, and goes on where the system lets it accept none.
+struct Acceptor {
+    listener: TcpListener,
+    /// In a row.
+    failures: u32,
+}
+
+impl Acceptor {
+    /// The next connection. May be cancelled without losing one.
+    ///
+    /// # Errors
+    /// There were only failures for [`ACCEPT_DEADLINE`]; the last one. May be called again.
+    async fn next(&mut self) -> io::Result<(TcpStream, SocketAddr)> {
+        loop {
+            let error = match self.listener.accept().await {
+                Ok(accepted) => {
+                    self.failures = 0;
+                    return Ok(accepted);
+                }
+                Err(error) => error,
+            };
+            if self.failures == 0 {
                 tracing::warn!("cannot accept a connection: {error}");
-                tokio::time::sleep(ACCEPT_PAUSE).await;
             }
+            self.failures += 1;
+            if ACCEPT_PAUSE * self.failures > ACCEPT_DEADLINE {
+                self.failures = 0;
+                return Err(error);
+            }
+            tokio::time::sleep(ACCEPT_PAUSE).await;
         }
     }
 }

@@ -82,6 +82,9 @@ pub enum Fault {
     /// Our words about the other side.
     #[error("refused: {0}")]
     Refused(String),
+    /// Of a port of this process, not of a peer.
+    #[error("no connection was accepted for {} s: {error}", deadline.as_secs())]
+    NotAccepting { deadline: Duration, error: io::Error },
 }
 
 impl From<io::Error> for Fault {
@@ -94,6 +97,13 @@ impl From<io::Error> for Fault {
             io::ErrorKind::ConnectionReset | io::ErrorKind::BrokenPipe => Self::Closed,
             _ => Self::Io(error),
         }
+    }
+}
+
+impl ConnectionError {
+    /// Whether no peer is at fault, but the system lets this process accept none.
+    pub fn is_of_this_process(&self) -> bool {
+        matches!(self.fault, Fault::NotAccepting { .. })
     }
 }
 
