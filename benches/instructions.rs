@@ -13,14 +13,14 @@ use marti::ids::Address;
 use marti::machine::cluster_memory::ClusterMemory;
 use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::Lru;
+use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{Fallback, Prepared, prepare};
 use marti::topology::{LocalMemory as Configuration, MemorySize, Octree, Replacement, SceneSource};
 use marti::tracer::octree::hero::Hero;
 use marti::tracer::primary::PrimaryRays;
 use marti::tracer::ray::Ray;
 use marti::tracer::slices::Slices;
-use marti::tracer::view::ImageSettings;
-use marti::tracer::{AovSet, MemoryPort, Rect, TileTracer, TraceStats};
+use marti::tracer::{MemoryPort, TileTracer, TraceStats};
 
 /// Pixels a side.
 const SIDE: u32 = 96;

@@ -4,13 +4,12 @@
 
 use std::time::Duration;
 
+use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{self, Fallback, Prepared};
 use marti::render::{self, Kernel, Settings};
 use marti::topology::{Octree, SceneSource};
 use marti::tracer::simd::Simd;
-use marti::tracer::view::ImageSettings;
 use marti::tracer::wide::{BatchTracer, WideOctree};
-use marti::tracer::{AovSet, Rect};
 
 const SIDE: u32 = 512;
 const TURNS: usize = 5;

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use marti::machine::local_memory::Geometry;
 use marti::machine::replacement::Lru;
+use marti::picture::{ImageSettings, Sides, Tiling};
 use marti::preparation::{Fallback, prepare};
 use marti::render::thread_cpu;
 use marti::replay::count::{Counters, Replayer, Sum};
@@ -19,8 +20,6 @@ use marti::replay::curve::curve;
 use marti::replay::optimal::optimal;
 use marti::replay::{Captured, Lines, RecordLines, Trace, reads};
 use marti::topology::{LocalMemory, MemorySize, Octree, Replacement, SceneSource};
-use marti::tracer::Tiling;
-use marti::tracer::view::ImageSettings;
 
 const SIDE: u32 = 250;
 const TILE: u32 = 5;
@@ -79,7 +78,8 @@ fn teapot() -> (Captured, RecordLines, Geometry) {
     let source: SceneSource = "teapot:12".parse().expect("a scene");
     let image = ImageSettings { width: SIDE, height: SIDE, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 };
     let prepared = prepare(&source, Octree::DEFAULT, &Fallback::default(), |_| Ok(image)).expect("the teapot");
-    let tiling = Tiling { width: SIDE, height: SIDE, tile_width: TILE, tile_height: TILE };
+    let tiling =
+        Tiling::new(Sides { width: SIDE, height: SIDE, tile_width: TILE, tile_height: TILE }).expect("possible");
     let trace = Captured::capture(&prepared.database, &prepared.view, tiling, true, 1);
     let layout = &prepared.database.database().header.layout;
     let memory = LocalMemory {

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use marti::ids::{Attempt, Epoch, NodeId, TileId};
+use marti::picture::{Sides, Tiling};
 use marti::preparation::prepare_topology;
 use marti::recording::references::{Opened, Recording, Seal, Writer, octree_levels};
 use marti::replay::curve::curve;
@@ -16,7 +17,6 @@ use marti::replay::setting::{Policy, Setting};
 use marti::replay::subject::Subject;
 use marti::replay::{Captured, Trace};
 use marti::topology::Topology;
-use marti::tracer::Tiling;
 
 const TILE: u32 = 8;
 
@@ -60,7 +60,8 @@ fn record(folder: &Path, wanted: u64) {
     let prepared = prepare_topology(&topology).expect("a scene");
     let header = &prepared.database.database().header;
     let side = prepared.view.image.width.min(256);
-    let tiling = Tiling { width: side, height: side, tile_width: TILE, tile_height: TILE };
+    let tiling =
+        Tiling::new(Sides { width: side, height: side, tile_width: TILE, tile_height: TILE }).expect("possible");
     let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, 1);
     let reads = |words: &Vec<u32>| words.iter().filter(|&&word| word < 1 << 30).count() as u64;
     let once: u64 = captured.parts.iter().map(reads).sum();
@@ -80,7 +81,7 @@ fn record(folder: &Path, wanted: u64) {
     let seal = Seal {
         topology,
         layout: header.layout.clone(),
-        tiling: Tiling { height: side * times, ..tiling },
+        tiling: Tiling::new(Sides { height: side * times, ..tiling.sides() }).expect("possible"),
         octree_levels: octree_levels(&prepared.database),
         scene_sha256: String::new(),
         local_bytes: header.layout.image_bytes() / 8,

@@ -6,11 +6,11 @@ use marti::database::verify::Verified;
 use marti::machine::cluster_memory::ClusterMemory;
 use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::Lru;
+use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{Fallback, Prepared, prepare};
 use marti::topology::{LocalMemory as Configuration, MemorySize, Octree, Replacement, SceneSource};
 use marti::tracer::slices::Slices;
-use marti::tracer::view::ImageSettings;
-use marti::tracer::{AovSet, MemoryPort, Rect, TileTracer};
+use marti::tracer::{MemoryPort, TileTracer};
 
 const TILE: Rect = Rect { x: 192, y: 192, width: 128, height: 128 };
 

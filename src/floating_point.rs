@@ -57,11 +57,11 @@ mod tests {
 
     use super::*;
     use crate::image_file::FrameBuffer;
+    use crate::picture::ImageSettings;
     use crate::preparation::{self, Fallback, Prepared};
     use crate::render::{self, Kernel, Settings};
     use crate::topology::{Octree, SceneSource};
     use crate::tracer::simd::Simd;
-    use crate::tracer::view::ImageSettings;
     use crate::tracer::wide::WideOctree;
 
     const FLUSH_TO_ZERO: u32 = 1 << 15;

@@ -20,6 +20,7 @@ pub mod machine;
 pub mod oracle;
 pub mod outlet;
 pub mod patient_file;
+pub mod picture;
 pub mod preparation;
 pub mod processes;
 pub mod progress;

@@ -6,11 +6,11 @@ use glam::DVec3;
 
 use crate::database::compile::compile;
 use crate::database::verify::Verified;
+use crate::picture::ImageSettings;
 use crate::scene::{self, Camera, Light, Scene, SourceError};
 use crate::topology::{Octree, SceneSource, Topology};
 use crate::tracer::View;
 use crate::tracer::octree::{BuildError, BuildParameters, complete};
-use crate::tracer::view::ImageSettings;
 
 /// A scene, ready to be traced.
 #[derive(Clone, Debug)]

@@ -13,12 +13,12 @@ use nix::time::{ClockId, clock_gettime};
 use crate::database::verify::Verified;
 use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
+use crate::picture::{AovSet, ImageSettings, Pixels, Rect, Sides, Tiling, TilingError};
 use crate::progress::Status;
 use crate::tracer::simd::Simd;
 use crate::tracer::slices::Slices;
-use crate::tracer::view::ImageSettings;
 use crate::tracer::wide::{BatchTracer, WideOctree};
-use crate::tracer::{AovSet, Pixels, Rect, TileTracer, Tiling, TraceStats, View};
+use crate::tracer::{TileTracer, TraceStats, View};
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
 const TILE: u32 = 32;
@@ -59,6 +59,8 @@ pub struct Rendering {
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     #[error(transparent)]
+    Tiling(#[from] TilingError),
+    #[error(transparent)]
     Frame(#[from] FrameBufferError),
     #[error("cannot start {threads} threads: {error}")]
     Thread { threads: usize, error: io::Error },
@@ -67,7 +69,7 @@ pub enum RenderError {
 /// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
 ///
 /// # Errors
-/// There is no memory for the image, or the system has no thread left.
+/// The image has no such sides, there is no memory for it, or the system has no thread left.
 pub fn render(
     database: &Verified,
     view: &View,
@@ -75,7 +77,7 @@ pub fn render(
     on_tile: impl Fn(&Status) + Sync,
 ) -> Result<Rendering, RenderError> {
     let image = &view.image;
-    let tiling = tiling(image);
+    let tiling = tiling(image)?;
     let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
     let (next, done, rays) = (AtomicU32::new(0), AtomicU32::new(0), AtomicU64::new(0));
     let start = Instant::now();
@@ -168,13 +170,13 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// How many tiles [`render`] cuts an image into.
+/// How many tiles [`render`] cuts an image into; none if it has no such sides.
 pub fn tile_count(image: &ImageSettings) -> u32 {
-    tiling(image).tile_count()
+    tiling(image).map_or(0, Tiling::tile_count)
 }
 
-fn tiling(image: &ImageSettings) -> Tiling {
-    Tiling { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE }
+fn tiling(image: &ImageSettings) -> Result<Tiling, TilingError> {
+    Sides { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE }.try_into()
 }
 
 /// Processor time of the calling thread; zero where the host does not tell.

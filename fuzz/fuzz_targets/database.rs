@@ -14,7 +14,8 @@ use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::Lru;
 use marti::scene::Camera;
 use marti::topology::{LocalMemory as Settings, MemorySize, Replacement};
-use marti::tracer::{AovSet, Rect, TileTracer, View};
+use marti::picture::{AovSet, Rect};
+use marti::tracer::{TileTracer, View};
 use marti_fuzz::{IMAGE, images, view_of};
 
 /// Traces as a node with 1 KiB does: what it reads is checked record by record, as it comes.

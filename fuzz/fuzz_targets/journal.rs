@@ -4,11 +4,11 @@
 use libfuzzer_sys::fuzz_target;
 use marti::ids::Producer;
 use marti::journal::{Journal, Next, Reader, Record, Start, Subject};
-use marti::tracer::{AovSet, Tiling};
+use marti::picture::{AovSet, Sides, Tiling};
 use marti_fuzz::with_file;
 
 const SUBJECT: Subject = Subject {
-    tiling: Tiling { width: 5, height: 3, tile_width: 2, tile_height: 2 },
+    tiling: Tiling::new(Sides { width: 5, height: 3, tile_width: 2, tile_height: 2 }).expect("possible"),
     aov: AovSet { depth: true, normal: false, primitive: false },
     fingerprint: [7; 32],
 };

@@ -9,9 +9,9 @@ use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Scene};
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::simd::Simd;
-use marti::tracer::view::ImageSettings;
+use marti::picture::{AovSet, ImageSettings, Pixels};
 use marti::tracer::wide::WideOctree;
-use marti::tracer::{AovSet, Pixels, View};
+use marti::tracer::View;
 use tempfile::TempDir;
 
 thread_local! {

@@ -7,11 +7,10 @@ use std::time::Duration;
 use clap::Args;
 
 use super::{Failure, print};
+use crate::picture::{ImageSettings, Tiling};
 use crate::scene::procedural::Procedural;
 use crate::scene::{Camera, Scene};
 use crate::topology::{Arbiter, Assignment, Host, Launch, LocalMemory, MemorySize, Override, SceneSource, Topology};
-use crate::tracer::Tiling;
-use crate::tracer::view::ImageSettings;
 
 /// Check a topology and its scene, and print what would run
 #[derive(Clone, Debug, Args)]
@@ -52,7 +51,8 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
     let ImageSettings { width, height, depth, cutoff } = *image;
     line("image", format_args!("{width}x{height} pixels, depth {depth}, cutoff {cutoff}"));
     let (tile_width, tile_height) = topology.image.tile;
-    let tiles = Tiling { width, height, tile_width, tile_height }.tile_count();
+    // Its settings were made from the same topology, which has checked them.
+    let tiles = topology.image.tiling(width, height).map_or(0, Tiling::tile_count);
     let assignment = match topology.run.assignment {
         Assignment::OnDemand => "handed out on demand",
         Assignment::Interleaved => "interleaved over the nodes",

@@ -5,9 +5,9 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
+use crate::picture::AovSet;
 use crate::topology::Octree;
 use crate::topology::value::{LeafSize, MaxDepth, Side};
-use crate::tracer::AovSet;
 
 /// What is written besides the image.
 #[derive(Clone, Debug, Args)]

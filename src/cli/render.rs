@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum, value_parser};
 
 use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
 use super::{Failure, print};
+use crate::picture::ImageSettings;
 use crate::preparation::{self, Fallback, Prepared};
 use crate::progress::{Progress, Status};
 use crate::render::{self, Kernel, Rendering, Settings};
@@ -18,7 +19,6 @@ use crate::topology::value::{Cutoff, Depth};
 use crate::topology::{Octree, SceneSource};
 use crate::tracer::octree::census::Census;
 use crate::tracer::simd::Simd;
-use crate::tracer::view::ImageSettings;
 use crate::tracer::wide::WideOctree;
 
 /// Render a scene in this one process: the fastest way on one machine

@@ -8,10 +8,10 @@ use serde::Serialize;
 use super::options::OctreeOptions;
 use super::{Failure, print, watertight};
 use crate::oracle::{self, AimedAt, Counts, Verification};
+use crate::picture::ImageSettings;
 use crate::preparation::{self, Fallback};
 use crate::scene::Placement;
 use crate::topology::{Octree, SceneSource};
-use crate::tracer::view::ImageSettings;
 
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
 ///

@@ -3,8 +3,7 @@
 use bytemuck::Pod;
 use sha2::{Digest, Sha256};
 
-use crate::tracer::view::ImageSettings;
-use crate::tracer::{AovSet, Pixels, Rect};
+use crate::picture::{AovSet, ImageSettings, Pixels, Rect};
 
 /// The planes of a whole image, row-major, row 0 on top. What was not traced yet is black and nowhere hit.
 #[derive(Clone, Debug)]

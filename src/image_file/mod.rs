@@ -53,7 +53,7 @@ impl FrameBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tracer::AovSet;
+    use crate::picture::AovSet;
 
     #[test]
     fn every_asked_for_file_is_written_under_the_same_stem() {

@@ -57,7 +57,7 @@ fn linear(encoded: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tracer::{AovSet, Pixels, Rect};
+    use crate::picture::{AovSet, Pixels, Rect};
 
     /// The transfer function as the standard writes it.
     fn encoded(linear: f64) -> f64 {

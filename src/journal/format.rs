@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
-use crate::tracer::{AovSet, Tiling};
+use crate::picture::{AovSet, Sides, Tiling, TilingError};
 
 /// Raised with every change of what follows.
 pub const FORMAT_VERSION: u32 = 2;
@@ -20,7 +20,7 @@ pub struct Subject {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Record<'a> {
-    /// A tile's planes, as [`crate::tracer::Pixels::write_bytes`] lays them out.
+    /// A tile's planes, as [`crate::picture::Pixels::write_bytes`] lays them out.
     Pixels { tile: TileId, attempt: Attempt, producer: Producer, planes: &'a [u8] },
     /// The process is wrong: no tile of it counts, wherever its record is.
     Condemned(Producer),
@@ -45,10 +45,11 @@ impl Header {
 
     pub(super) fn of(subject: &Subject) -> Self {
         let Subject { tiling, aov, fingerprint } = *subject;
+        let Sides { width, height, tile_width, tile_height } = tiling.sides();
         let mut header = Self {
             magic: MAGIC,
             version: FORMAT_VERSION,
-            tiling: [tiling.width, tiling.height, tiling.tile_width, tiling.tile_height],
+            tiling: [width, height, tile_width, tile_height],
             aov: u32::from(aov.depth) | u32::from(aov.normal) << 1 | u32::from(aov.primitive) << 2,
             fingerprint,
             crc32c: 0,
@@ -63,14 +64,17 @@ impl Header {
     }
 
     /// Of a sound header.
-    pub(super) fn subject(&self) -> Subject {
+    ///
+    /// # Errors
+    /// There is no such tiling.
+    pub(super) fn subject(&self) -> Result<Subject, TilingError> {
         let [width, height, tile_width, tile_height] = self.tiling;
         let aov = |bit: u32| self.aov >> bit & 1 == 1;
-        Subject {
-            tiling: Tiling { width, height, tile_width, tile_height },
+        Ok(Subject {
+            tiling: Sides { width, height, tile_width, tile_height }.try_into()?,
             aov: AovSet { depth: aov(0), normal: aov(1), primitive: aov(2) },
             fingerprint: self.fingerprint,
-        }
+        })
     }
 
     fn checksum(&self) -> u32 {

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 
 use super::format::{FORMAT_VERSION, Head, Header, MAGIC, Record, Subject};
 use crate::ids::TileId;
-use crate::tracer::{Pixels, Tiling};
+use crate::picture::{Pixels, Sides};
 
 /// How a journal begins.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -81,7 +81,8 @@ impl<R: Read> Reader<R> {
         if !header.is_sound() {
             return Err(HeaderFault::Corrupt);
         }
-        differences(&header.subject(), &self.subject)?;
+        let subject = header.subject().map_err(|error| HeaderFault::Other(error.to_string()))?;
+        differences(&subject, &self.subject)?;
         self.offset = Header::BYTES as u64;
         Ok(Start::Header)
     }
@@ -132,13 +133,13 @@ pub(super) fn subject(mut input: impl Read) -> Option<Subject> {
     let mut header = Header::zeroed();
     fill(&mut input, bytemuck::bytes_of_mut(&mut header)).ok()?;
     let is_known = header.magic == MAGIC && header.version == FORMAT_VERSION && header.is_sound();
-    is_known.then(|| header.subject())
+    is_known.then(|| header.subject().ok()).flatten()
 }
 
 fn differences(found: &Subject, expected: &Subject) -> Result<(), HeaderFault> {
     let other = |what: String| Err(HeaderFault::Other(what));
     let size = |subject: &Subject| {
-        let Tiling { width, height, tile_width, tile_height } = subject.tiling;
+        let Sides { width, height, tile_width, tile_height } = subject.tiling.sides();
         format!("{width}x{height} pixels in tiles of {tile_width}x{tile_height}")
     };
     if found.tiling != expected.tiling {

@@ -10,10 +10,10 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
-use crate::tracer::{AovSet, Pixels, Tiling};
+use crate::picture::{AovSet, Pixels, Sides, Tiling};
 
 /// Three columns, two rows; the tiles on the edges are smaller.
-const TILING: Tiling = Tiling { width: 8, height: 5, tile_width: 3, tile_height: 3 };
+const TILING: Tiling = Tiling::new(Sides { width: 8, height: 5, tile_width: 3, tile_height: 3 }).expect("possible");
 const AOV: AovSet = AovSet { depth: true, normal: false, primitive: false };
 const SUBJECT: Subject = Subject { tiling: TILING, aov: AOV, fingerprint: [7; 32] };
 const RUN: RunId = RunId(0x0123_4567_89ab_cdef);
@@ -142,7 +142,7 @@ fn a_journal_of_something_else_is_refused_and_left_alone() {
     let open = |subject: Subject| drop(Journal::open(&path, &subject, false, |_| ()).expect("starts over"));
     open(Subject { fingerprint: [8; 32], ..SUBJECT });
     assert!(refusal(&path).ends_with("the fingerprint 0808080808080808…, expected 0707070707070707…"));
-    open(Subject { tiling: Tiling { tile_width: 4, ..TILING }, ..SUBJECT });
+    open(Subject { tiling: Tiling::new(Sides { tile_width: 4, ..TILING.sides() }).expect("possible"), ..SUBJECT });
     assert!(refusal(&path).ends_with("8x5 pixels in tiles of 4x3, expected 8x5 pixels in tiles of 3x3"));
     open(Subject { aov: AovSet::default(), ..SUBJECT });
     assert!(refusal(&path).contains("its tiles hold AovSet { depth: false,"));

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use super::format::{Head, Header, Record, Subject};
 use super::reader::{self, HeaderFault, Next, Reader, Start};
 use crate::patient_file::with_room;
+use crate::picture::AovSet;
 use crate::regular_file;
-use crate::tracer::AovSet;
 
 /// For a display whose manager was killed to end too: until then it might append beside its successor.
 const LOCK_DEADLINE: Duration = Duration::from_secs(3);

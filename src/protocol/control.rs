@@ -13,9 +13,10 @@ use crate::codec::Message;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, Producer, TileId};
 use crate::keys::Identity;
+use crate::picture::{AovSet, Tiling};
 use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
+use crate::tracer::View;
 use crate::tracer::simd::Simd;
-use crate::tracer::{AovSet, Tiling, View};
 
 /// Handed to a spawned process by its standard input, to one that joins by the manager's port: where to go, and the
 /// secret.

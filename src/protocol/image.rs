@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::mac::Mac;
 use crate::ids::{Attempt, TileId};
 
-/// From a node. The bulk bytes are the tile's planes as [`crate::tracer::Pixels::write_bytes`] lays them out.
+/// From a node. The bulk bytes are the tile's planes as [`crate::picture::Pixels::write_bytes`] lays them out.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct TilePixels {
     pub tile: TileId,

@@ -6,8 +6,9 @@ use super::{Trace, TraceError, TracedTile};
 use crate::database::verify::Verified;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{RecordNumbers, Recorder};
+use crate::picture::{AovSet, Tiling};
 use crate::tracer::slices::Slices;
-use crate::tracer::{AovSet, TileTracer, Tiling, View};
+use crate::tracer::{TileTracer, View};
 
 /// For tests and benchmarks: its memory is that of all references.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
@@ -65,9 +66,10 @@ impl Trace for Captured {
 pub(crate) mod tests {
     use super::*;
     use crate::machine::references::{Event, Word};
+    use crate::picture::ImageSettings;
+    use crate::picture::Sides;
     use crate::preparation;
     use crate::tracer::RayKind;
-    use crate::tracer::view::ImageSettings;
 
     /// The teapot at so many pixels a side in tiles of 8×8, and its database.
     pub(crate) fn teapot(side: u32, nodes: u16) -> (Verified, Captured) {
@@ -76,7 +78,7 @@ pub(crate) mod tests {
         let image = ImageSettings { width: side, height: side, depth: 4, cutoff: 0.01 };
         let prepared =
             preparation::prepare(&source, octree, &preparation::Fallback::default(), |_| Ok(image)).expect("a scene");
-        let tiling = Tiling { width: side, height: side, tile_width: 8, tile_height: 8 };
+        let tiling = Tiling::new(Sides { width: side, height: side, tile_width: 8, tile_height: 8 }).expect("possible");
         let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, nodes);
         (prepared.database, captured)
     }

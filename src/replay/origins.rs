@@ -5,8 +5,9 @@ use super::count::{Counters, Tally};
 use super::detail::Classes;
 use super::pixels::Pixels;
 use crate::database::{Layout, Section};
+use crate::picture::Tiling;
+use crate::tracer::RayKind;
 use crate::tracer::stats::LEVELS;
-use crate::tracer::{RayKind, Tiling};
 
 /// Counts of accepted tiles, by what was read and what for. Each of the tables adds up to the same.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -49,7 +50,7 @@ pub struct OriginsTally<'a, T: ?Sized> {
 impl<'a, T: Trace + ?Sized> OriginsTally<'a, T> {
     /// `levels`: by block of eight octree words, the level that its nodes are on.
     pub fn new(trace: &'a T, layout: &Layout, levels: &'a [u8], tiling: Tiling) -> Self {
-        let pixels = tiling.width as usize * tiling.height as usize;
+        let pixels = tiling.sides().width as usize * tiling.sides().height as usize;
         Self {
             trace,
             classes: Classes::new(layout, levels),
@@ -83,7 +84,7 @@ impl<T: Trace + ?Sized> Tally for OriginsTally<'_, T> {
     fn ray(&mut self, kind: RayKind) {
         self.kind = kind;
         self.place.ray(kind);
-        self.pixel = self.place.place().map(|(x, y)| y as usize * self.tiling.width as usize + x as usize);
+        self.pixel = self.place.place().map(|(x, y)| y as usize * self.tiling.sides().width as usize + x as usize);
     }
 
     #[inline(always)]
@@ -118,13 +119,15 @@ mod tests {
     use super::*;
     use crate::machine::local_memory::Geometry;
     use crate::machine::replacement::Lru;
+    use crate::picture::Sides;
     use crate::recording::references::octree_levels;
     use crate::replay::captured::tests::teapot;
     use crate::replay::count::{Replayer, Sum};
     use crate::replay::detail::Detail;
     use crate::replay::{Captured, Lines, RecordLines};
 
-    const TILING: Tiling = Tiling { width: 32, height: 32, tile_width: 8, tile_height: 8 };
+    const TILING: Tiling =
+        Tiling::new(Sides { width: 32, height: 32, tile_width: 8, tile_height: 8 }).expect("possible");
 
     fn replay(trace: &Captured, layout: &Layout, tally: &mut impl Tally) {
         let lines = RecordLines::new(layout, 32);

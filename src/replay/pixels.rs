@@ -1,7 +1,8 @@
 //! For which pixel references are made: a tile's primary rays begin its pixels, row by row.
 
 use crate::ids::TileId;
-use crate::tracer::{RayKind, Rect, Tiling};
+use crate::picture::{Rect, Tiling};
+use crate::tracer::RayKind;
 
 /// Follows a stream of references over the pixels of the image.
 #[derive(Clone, Copy, Debug)]
@@ -41,10 +42,12 @@ impl Pixels {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Sides;
 
     #[test]
     fn primary_rays_go_row_by_row_and_no_further_than_the_tile() {
-        let mut pixels = Pixels::new(Tiling { width: 5, height: 4, tile_width: 3, tile_height: 2 });
+        let mut pixels =
+            Pixels::new(Tiling::new(Sides { width: 5, height: 4, tile_width: 3, tile_height: 2 }).expect("possible"));
         // The upper right tile is two pixels wide.
         pixels.tile(TileId(1));
         assert_eq!(pixels.place(), None);

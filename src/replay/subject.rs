@@ -6,10 +6,10 @@ use super::{Lines, RecordLines, Trace};
 use crate::database::{Layout, Section};
 use crate::ids::TileId;
 use crate::machine::references::RecordNumbers;
+use crate::picture::Tiling;
 use crate::recording::references::Recording;
 use crate::tile_order;
 use crate::topology::{Bus, Processor, TileOrder};
-use crate::tracer::Tiling;
 
 /// A trace, and what simulations must know besides.
 pub trait Subject: Trace {

@@ -9,9 +9,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::database::verify::Verified;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{RecordNumbers, Recorder};
+use crate::picture::{AovSet, Tiling};
 use crate::replay::{Trace, TraceError, TracedTile, parallel};
 use crate::tracer::slices::Slices;
-use crate::tracer::{AovSet, TileTracer, Tiling, View};
+use crate::tracer::{TileTracer, View};
 
 /// Tiles that a thread traces at a time: setting up takes longer than one.
 const TILES_AT_A_TIME: u32 = 64;

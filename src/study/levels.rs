@@ -4,10 +4,11 @@ use serde::Serialize;
 
 use crate::database::verify::Verified;
 use crate::ids::TileId;
+use crate::picture::{AovSet, Tiling};
 use crate::tracer::octree::census::Census;
 use crate::tracer::slices::Slices;
 use crate::tracer::stats::LEVELS;
-use crate::tracer::{AovSet, TileTracer, Tiling, TraceStats, View};
+use crate::tracer::{TileTracer, TraceStats, View};
 
 /// Floating point operations of a step to an octree node: the mid planes of three axes, two each.
 pub const FLOPS_PER_VISIT: u64 = 6;

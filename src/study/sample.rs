@@ -1,19 +1,19 @@
 //! A small scene for tests: the gears at 40×40 pixels.
 
 use super::traced::{Run, Traced};
+use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, Fallback, Prepared};
 use crate::replay::Captured;
 use crate::replay::setting::{Assignment, Policy, Setting};
 use crate::topology::{Arbiter, Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
-use crate::tracer::Tiling;
-use crate::tracer::view::ImageSettings;
 
-pub(super) const TILING: Tiling = Tiling { width: 40, height: 40, tile_width: 5, tile_height: 5 };
+pub(super) const TILING: Tiling =
+    Tiling::new(Sides { width: 40, height: 40, tile_width: 5, tile_height: 5 }).expect("possible");
 
 pub(super) fn gears() -> (Prepared, Traced<Captured>) {
     let source: SceneSource = "gears:1".parse().expect("a procedural scene");
     let octree = Octree { leaf_size: 8, max_depth: 6, mailbox: true };
-    let image = ImageSettings { width: TILING.width, height: TILING.height, depth: 2, cutoff: 0.0 };
+    let image = ImageSettings { width: TILING.sides().width, height: TILING.sides().height, depth: 2, cutoff: 0.0 };
     let prepared = preparation::prepare(&source, octree, &Fallback::default(), |_| Ok(image)).expect("a scene");
     let captured = Captured::capture(&prepared.database, &prepared.view, TILING, octree.mailbox, 1);
     let run = Run {

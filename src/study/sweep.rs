@@ -10,15 +10,16 @@ use super::plot::{Axis, Chart, Series, Style};
 use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
 use crate::machine::stats::octree_class;
+use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, PreparationError};
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::grid::Grid;
 use crate::replay::setting::{Assignment, Policy, Setting};
 use crate::replay::{Trace, TraceError, parallel};
 use crate::topology::{self, Octree, Topology};
+use crate::tracer::RayKind;
 use crate::tracer::octree::census::Census;
 use crate::tracer::stats::LEVELS;
-use crate::tracer::{RayKind, Tiling};
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study sweep 1";
@@ -76,8 +77,8 @@ impl Sweep {
         }
         tell(&format!("{}: tracing", topology.scene));
         let prepared = preparation::prepare_topology(topology)?;
-        let (image, (tile_width, tile_height)) = (prepared.view.image, topology.image.tile);
-        let tiling = Tiling { width: image.width, height: image.height, tile_width, tile_height };
+        let ImageSettings { width, height, .. } = prepared.view.image;
+        let tiling = topology.image.tiling(width, height).map_err(SweepError::Grid)?;
         let run = Run {
             scene: topology.scene.to_string(),
             octree: topology.octree,
@@ -112,7 +113,7 @@ impl Sweep {
 
     /// Scene, octree and image.
     pub fn heading(&self) -> String {
-        let Tiling { width, height, tile_width, tile_height } = self.tiling;
+        let Sides { width, height, tile_width, tile_height } = self.tiling.sides();
         format!(
             "{}, {}, database of {} bytes; {width}x{height} pixels in tiles of {tile_width}x{tile_height}, {} rays",
             self.scene,

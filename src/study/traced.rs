@@ -6,6 +6,7 @@ use super::kept::Kept;
 use crate::database::Layout;
 use crate::machine::references::{Event, RecordNumbers, Word};
 use crate::machine::stats::MemoryStats;
+use crate::picture::Tiling;
 use crate::preparation::Prepared;
 use crate::recording::references::octree_levels;
 use crate::replay::curve::{self, LruCurve};
@@ -14,7 +15,7 @@ use crate::replay::schedule::Schedule;
 use crate::replay::subject::DatabaseTrace;
 use crate::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
 use crate::topology::{Bus, Octree, Processor};
-use crate::tracer::{RayKind, Tiling};
+use crate::tracer::RayKind;
 
 /// References, and the database that they are of.
 #[derive(Clone, Debug)]

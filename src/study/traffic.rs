@@ -6,6 +6,7 @@ use super::conditions::Conditions;
 use super::counts::Ratio;
 use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
+use crate::picture::Tiling;
 use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::count::Counters;
 use crate::replay::counts::{Counts, ratio};
@@ -14,7 +15,6 @@ use crate::replay::schedule::Schedule;
 use crate::replay::subject::Subject;
 use crate::replay::{Trace, TraceError};
 use crate::topology::{LocalMemory, MemorySize, Replacement, TileOrder};
-use crate::tracer::Tiling;
 
 /// One cluster, with local memories of several sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -78,7 +78,7 @@ impl Messages {
     /// Every tile handed out and reported once, every pixel written once.
     pub fn new(tiling: Tiling) -> Self {
         let tiles = u64::from(tiling.tile_count());
-        let pixels = u64::from(tiling.width) * u64::from(tiling.height);
+        let pixels = u64::from(tiling.sides().width) * u64::from(tiling.sides().height);
         Self {
             job_bytes: tiles * u64::from(JOB_BYTES),
             end_of_job_bytes: tiles * u64::from(END_OF_JOB_BYTES),
@@ -166,11 +166,13 @@ impl Size {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Sides;
     use crate::study::{published, sample};
 
     #[test]
     fn messages_are_those_of_the_protocol() {
-        let side = |side| Tiling { width: side, height: side, tile_width: 5, tile_height: 5 };
+        let side =
+            |side| Tiling::new(Sides { width: side, height: side, tile_width: 5, tile_height: 5 }).expect("possible");
         let messages = Messages::new(side(published::IMAGE_SIDE));
         assert_eq!(messages, Messages { job_bytes: 10_000, end_of_job_bytes: 10_000, pixel_bytes: 187_500 });
         assert_eq!(messages.bytes(), 207_500);

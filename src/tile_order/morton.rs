@@ -2,7 +2,7 @@
 //! what they read.
 
 use crate::ids::TileId;
-use crate::tracer::Tiling;
+use crate::picture::Tiling;
 
 pub(super) fn tiles(tiling: Tiling) -> Vec<TileId> {
     let mut tiles: Vec<_> = (0..tiling.tile_count()).map(TileId).collect();
@@ -31,10 +31,11 @@ fn spread(value: u32) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Sides;
 
     #[test]
     fn the_curve_is_z_shaped() {
-        let tiling = Tiling { width: 4, height: 3, tile_width: 1, tile_height: 1 };
+        let tiling = Tiling::new(Sides { width: 4, height: 3, tile_width: 1, tile_height: 1 }).expect("possible");
         // 0 1 | 4 5
         // 2 3 | 6 7
         // 8 9 | 10 11

@@ -4,7 +4,7 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::ids::TileId;
-use crate::tracer::Tiling;
+use crate::picture::Tiling;
 
 pub(super) fn tiles(tiling: Tiling, seed: u64) -> Vec<TileId> {
     let mut tiles: Vec<_> = (0..tiling.tile_count()).map(TileId).collect();
@@ -20,10 +20,11 @@ pub(super) fn tiles(tiling: Tiling, seed: u64) -> Vec<TileId> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Sides;
 
     #[test]
     fn the_seed_decides() {
-        let tiling = Tiling { width: 40, height: 25, tile_width: 1, tile_height: 1 };
+        let tiling = Tiling::new(Sides { width: 40, height: 25, tile_width: 1, tile_height: 1 }).expect("possible");
         assert_eq!(tiles(tiling, 1), tiles(tiling, 1));
         assert_ne!(tiles(tiling, 1), tiles(tiling, 2));
         let in_place = tiles(tiling, 3).iter().enumerate().filter(|(i, tile)| *i == tile.0 as usize).count();

@@ -1,7 +1,7 @@
 //! Row by row from the top.
 
 use crate::ids::TileId;
-use crate::tracer::Tiling;
+use crate::picture::Tiling;
 
 pub(super) fn tiles(tiling: Tiling) -> Vec<TileId> {
     (0..tiling.tile_count()).map(TileId).collect()

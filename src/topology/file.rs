@@ -15,8 +15,8 @@ use super::value::{
     ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Assignment, MemorySize, Replacement, TileOrder, Transactions};
+use crate::picture::ImageSettings;
 use crate::scene::procedural::Kind;
-use crate::tracer::view::ImageSettings;
 
 /// A topology of marti: what is rendered, by how many processing nodes, through how much local memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -29,8 +29,8 @@ pub use overrides::Override;
 pub use placement::Placement;
 
 use crate::ids::{ClusterId, NodeId};
+use crate::picture::{ImageSettings, Sides, Tiling, TilingError};
 use crate::scene::{Camera, Light, procedural::Procedural};
-use crate::tracer::view::ImageSettings;
 
 /// A proven topology: every value is within its range, every combination possible.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,9 +70,6 @@ pub struct Image {
 }
 
 impl Image {
-    /// More tiles than this are more bookkeeping than image.
-    pub const TILES_MAX: u64 = 1 << 24;
-
     /// Checks the tile against what is known of the image's sides.
     fn check_tile(&self, width: Option<u32>, height: Option<u32>) -> Result<(), String> {
         let (tile_width, tile_height) = self.tile;
@@ -84,15 +81,24 @@ impl Image {
             ));
         }
         if let (Some(width), Some(height)) = (width, height) {
-            let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
-            if tiles > Self::TILES_MAX {
-                return Err(format!(
-                    "image.tile is {tile_width}x{tile_height} pixels, which makes {tiles} tiles, expected at most {}",
-                    Self::TILES_MAX
-                ));
-            }
+            self.tiling(width, height).map(drop)?;
         }
         Ok(())
+    }
+
+    /// The tiles of an image of these sides.
+    ///
+    /// # Errors
+    /// There would be too many.
+    pub fn tiling(&self, width: u32, height: u32) -> Result<Tiling, String> {
+        let (tile_width, tile_height) = self.tile;
+        Tiling::try_from(Sides { width, height, tile_width, tile_height }).map_err(|error| match error {
+            TilingError::TooManyTiles { tiles, .. } => format!(
+                "image.tile is {tile_width}x{tile_height} pixels, which makes {tiles} tiles, expected at most {}",
+                Tiling::TILES_MAX
+            ),
+            error @ TilingError::Side { .. } => error.to_string(),
+        })
     }
 }
 

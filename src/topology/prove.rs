@@ -12,8 +12,8 @@ use super::{
     Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Run, SceneSource, Topology,
     prove_hosts,
 };
+use crate::picture::ImageSettings;
 use crate::scene::{Camera, Light, SourceError};
-use crate::tracer::view::ImageSettings;
 
 type Result<T> = std::result::Result<T, SourceError>;
 

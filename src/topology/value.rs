@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::MemorySize;
 use super::memory_size::BYTES_MAX;
-use crate::tracer::view::ImageSettings;
+use crate::picture::ImageSettings;
 
 /// Which numbers a key accepts, both ends included.
 #[derive(Clone, Copy)]

@@ -20,5 +20,5 @@ pub mod wide;
 
 pub use memory_port::{MemoryPort, RayKind};
 pub use stats::TraceStats;
-pub use tile::{AovSet, Pixels, Rect, TileTracer, Tiling};
+pub use tile::TileTracer;
 pub use view::View;

@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 use marti::database::verify::Verified;
+use marti::picture::ImageSettings;
 use marti::preparation::{Fallback, load, view};
 use marti::scene::{Material, Placement, Scene, Sphere};
 use marti::topology::SceneSource;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::primary::PrimaryRays;
 use marti::tracer::ray::Ray;
-use marti::tracer::view::ImageSettings;
 
 use crate::images::{add_cube, add_polygon};
 use crate::subjects::{Chance, bits, f32s, hits_of, ray};

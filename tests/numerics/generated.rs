@@ -4,10 +4,10 @@
 use glam::DVec3;
 use marti::database::verify::Verified;
 use marti::oracle::verify;
+use marti::picture::ImageSettings;
 use marti::scene::{Camera, Cone, Material, Placement, Polygon, Scene, Sphere};
 use marti::tracer::View;
 use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::view::ImageSettings;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 

@@ -2,13 +2,13 @@
 //! ray passes an edge by rounding only.
 
 use glam::DVec3;
+use marti::picture::{AovSet, ImageSettings, Pixels};
 use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Light, Material, Placement, Polygon, Scene, Sphere};
+use marti::tracer::View;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::simd::Simd;
-use marti::tracer::view::ImageSettings;
 use marti::tracer::wide::WideOctree;
-use marti::tracer::{AovSet, Pixels, View};
 
 pub(crate) const SIDE: u32 = 128;
 

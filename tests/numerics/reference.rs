@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 use marti::oracle::verify;
+use marti::picture::ImageSettings;
 use marti::preparation::{Fallback, load, view};
 use marti::scene::Placement;
 use marti::topology::SceneSource;
 use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::view::ImageSettings;
 
 const RAYS: u64 = 3000;
 

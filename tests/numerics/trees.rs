@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 use marti::database::verify::Verified;
+use marti::picture::{AovSet, ImageSettings};
 use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Scene, Sphere};
 use marti::tracer::hit::Hit;
 use marti::tracer::octree::{BuildParameters, build_database, hero::Hero};
 use marti::tracer::slices::Slices;
-use marti::tracer::view::ImageSettings;
-use marti::tracer::{AovSet, TraceStats, View};
+use marti::tracer::{TraceStats, View};
 
 use crate::subjects::{Chance, Pieces, TREES, bits, f32s, hits_of, ray};
 

@@ -9,7 +9,7 @@ use marti::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use marti::journal::{Journal, Record, Subject};
 use marti::scene::load;
 use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::{AovSet, Tiling};
+use marti::picture::{AovSet, Sides, Tiling};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -117,7 +117,7 @@ impl Seeds<'_> {
     /// As the target expects it.
     fn journal(&self) -> Result<()> {
         let aov = AovSet { depth: true, normal: false, primitive: false };
-        let tiling = Tiling { width: 5, height: 3, tile_width: 2, tile_height: 2 };
+        let tiling = Tiling::new(Sides { width: 5, height: 3, tile_width: 2, tile_height: 2 }).expect("possible");
         let path = self.scratch.join("tiles");
         let subject = Subject { tiling, aov, fingerprint: [7; 32] };
         let (mut journal, _) = Journal::open(&path, &subject, false, |_| ())?;

@@ -104,7 +104,7 @@ pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, o
     let scale = if what == HeatMap::Misses { Scale::Logarithmic } else { Scale::Linear };
     let mut range = None;
     atomic_file::write(out, |file| {
-        range = Some(heat_map::write(&mut BufWriter::new(file), &counts, recording.tiling.width, scale)?);
+        range = Some(heat_map::write(&mut BufWriter::new(file), &counts, recording.tiling.sides().width, scale)?);
         Ok(())
     })
     .map_err(|error| Failure::failed(error.to_string()))?;

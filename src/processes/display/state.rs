@@ -7,12 +7,12 @@ use sha2::{Digest, Sha256};
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::image_file::{FrameBuffer, FrameBufferError};
 use crate::journal::Record;
+use crate::picture::{Pixels, Rect, Tiling};
 use crate::protocol::control::{
     Comparison, DisplayConfiguration, DisplayReport, Holdings, PRODUCERS_MAX, Share, TileResult, TileSet,
 };
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, MacKey};
-use crate::tracer::{Pixels, Rect, Tiling};
 
 /// A connection of a node, numbered as they come.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -84,7 +84,7 @@ impl State {
     /// The image is larger than allowed, or than the memory.
     pub fn new(configuration: &DisplayConfiguration, run: RunId) -> Result<Self, FrameBufferError> {
         let DisplayConfiguration { tiling, aov, key, .. } = *configuration;
-        let frame = FrameBuffer::new(tiling.width, tiling.height, aov)?;
+        let frame = FrameBuffer::new(tiling.sides().width, tiling.sides().height, aov)?;
         Ok(Self {
             run,
             key,

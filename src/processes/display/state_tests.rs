@@ -3,10 +3,10 @@
 use super::state::{Action, ConnectionId, Event, Finished, Source, State};
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::journal::Record;
+use crate::picture::{AovSet, Pixels, Sides, Tiling};
 use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, PRODUCERS_MAX, TileSet};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, Mac, MacKey};
-use crate::tracer::{AovSet, Pixels, Tiling};
 
 const NODE: ConnectionId = ConnectionId(3);
 const SOURCE: Source = (NodeId(7), Epoch(1));
@@ -19,7 +19,7 @@ const SIZES: [usize; 4] = [6, 4, 6, 4];
 
 fn configuration() -> DisplayConfiguration {
     DisplayConfiguration {
-        tiling: Tiling { width: 5, height: 4, tile_width: 3, tile_height: 2 },
+        tiling: Tiling::new(Sides { width: 5, height: 4, tile_width: 3, tile_height: 2 }).expect("possible"),
         aov: AovSet { depth: true, ..AovSet::default() },
         journal: "tiles".into(),
         resume: false,
@@ -265,7 +265,8 @@ fn it_reports_whose_pixels_are_in_the_frame() {
 
 #[test]
 fn tiles_of_more_processes_than_can_be_reported_are_rendered_again() {
-    let tiling = Tiling { width: PRODUCERS_MAX as u32 / 2 + 1, height: 2, tile_width: 1, tile_height: 1 };
+    let tiling = Tiling::new(Sides { width: PRODUCERS_MAX as u32 / 2 + 1, height: 2, tile_width: 1, tile_height: 1 })
+        .expect("possible");
     let aov = AovSet::default();
     let mut state = State::new(&DisplayConfiguration { tiling, aov, ..configuration() }, RUN).expect("a small image");
     for tile in 0..=PRODUCERS_MAX as u32 {

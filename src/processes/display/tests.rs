@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use super::*;
 use crate::ids::{Attempt, Epoch, NodeId, Producer, TileId};
+use crate::picture::{AovSet, Sides, Tiling};
 use crate::protocol::connection::{Credentials, Sender, connect};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
 use crate::protocol::mac::{Claim, MacKey};
-use crate::tracer::{AovSet, Tiling};
 
 const TOKEN: RunToken = RunToken::new([5; 32]);
 const KEY: MacKey = MacKey::new([6; 32]);
@@ -22,7 +22,7 @@ const TILES: u32 = 6;
 /// Six tiles of 4x4 pixels.
 fn configuration(folder: &Path, resume: bool) -> DisplayConfiguration {
     DisplayConfiguration {
-        tiling: Tiling { width: 12, height: 8, tile_width: 4, tile_height: 4 },
+        tiling: Tiling::new(Sides { width: 12, height: 8, tile_width: 4, tile_height: 4 }).expect("possible"),
         aov: AovSet::default(),
         journal: folder.join("tiles"),
         resume,

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::ids::{Epoch, RunId};
+use crate::picture::{Sides, Tiling};
 use crate::processes::manager::sample;
 use crate::topology::TileOrder;
 
@@ -10,7 +11,7 @@ const NOW: Duration = Duration::ZERO;
 const BY: Producer = Producer { run: RunId(1), node: NodeId(0), epoch: Epoch(0) };
 
 fn queue(assignment: Assignment, tiles: u32, nodes: u16, count: u16) -> JobQueue {
-    let tiling = Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 };
+    let tiling = Tiling::new(Sides { width: tiles, height: 1, tile_width: 1, tile_height: 1 }).expect("possible");
     let run = Run { assignment, order: TileOrder::Scanline, ..sample::run() };
     JobQueue::new(&run, tiling, Cluster { count, ..sample::plan(nodes, tiles).cluster })
 }

@@ -57,6 +57,7 @@ use crate::chaos;
 use crate::ids::Epoch;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
+use crate::picture::{AovSet, ImageSettings};
 use crate::preparation::{PreparationError, prepare_topology};
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::{Role, RunToken};
@@ -64,10 +65,9 @@ use crate::protocol::mac::MacKey;
 use crate::report::{Image, Report, Status, json};
 use crate::telemetry::{self, TelemetryError};
 use crate::topology::{Cluster, MemorySize, Placement, Topology};
-use crate::tracer::{AovSet, Tiling, View};
+use crate::tracer::View;
 
 /// More tiles than this are refused: each takes some 16 bytes here.
-const TILES_MAX: u64 = 1 << 24;
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -151,8 +151,8 @@ pub enum RunError {
     NoKeys { address: String },
     #[error(transparent)]
     Keys(#[from] KeysError),
-    #[error("the image has {tiles} tiles, expected at most {TILES_MAX}: choose a larger image.tile")]
-    TooManyTiles { tiles: u64 },
+    #[error("{0}")]
+    Tiling(String),
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] crate::machine::local_memory::GeometryError),
     #[error("--chaos: {0}")]
@@ -184,7 +184,7 @@ impl RunError {
             | Self::NoSharedFiles { .. }
             | Self::NoKeys { .. }
             | Self::Keys(_)
-            | Self::TooManyTiles { .. }
+            | Self::Tiling(_)
             | Self::LocalMemory(_)
             | Self::Chaos(_) => true,
             Self::Journal(error) => matches!(error, JournalError::Header { .. }),
@@ -246,7 +246,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = prepare_topology(topology)?;
     let database = prepared.database.database();
-    let tiling = tiling(topology, prepared.view.image.width, prepared.view.image.height)?;
+    let ImageSettings { width, height, .. } = prepared.view.image;
+    let tiling = topology.image.tiling(width, height).map_err(RunError::Tiling)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
     let scene_sha256 = Sha256::digest(database.bytes()).into();
@@ -352,15 +353,6 @@ fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace>
     let cluster = &request.topology.cluster;
     let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
     request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))
-}
-
-fn tiling(topology: &Topology, width: u32, height: u32) -> Result<Tiling, RunError> {
-    let (tile_width, tile_height) = topology.image.tile;
-    let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
-    if tiles > TILES_MAX {
-        return Err(RunError::TooManyTiles { tiles });
-    }
-    Ok(Tiling { width, height, tile_width, tile_height })
 }
 
 /// SHA-256 of all that decides the image's bits: the database, by its own, the view and its settings.

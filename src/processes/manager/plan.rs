@@ -7,6 +7,7 @@ use std::time::Duration;
 use crate::database::Header;
 use crate::ids::{ClusterId, Epoch, RunId};
 use crate::keys::RoleKind;
+use crate::picture::{AovSet, Tiling};
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
     NodeCommand, NodeConfiguration,
@@ -15,7 +16,7 @@ use crate::protocol::hello::Role;
 use crate::protocol::mac::MacKey;
 use crate::recording::bus_log;
 use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
-use crate::tracer::{AovSet, Tiling, View};
+use crate::tracer::View;
 
 #[derive(Clone, Debug)]
 pub(super) struct Plan {

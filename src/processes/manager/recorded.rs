@@ -7,12 +7,12 @@ use std::path::Path;
 use super::state::State;
 use crate::ids::NodeId;
 use crate::machine::stats::MemoryStats;
+use crate::picture::Tiling;
 use crate::preparation::Prepared;
 use crate::recording::references::{Recording, Seal, octree_levels};
 use crate::replay::live;
 use crate::report::conservation::Check;
 use crate::topology::Topology;
-use crate::tracer::Tiling;
 
 /// What is known of a recording before the run begins.
 pub(super) fn seal(

@@ -7,14 +7,14 @@ use glam::DVec3;
 use super::plan::Plan;
 use crate::database::{Header, Layout, Normalisation, Section};
 use crate::ids::RunId;
+use crate::picture::{AovSet, ImageSettings, Sides, Tiling};
 use crate::protocol::mac::MacKey;
 use crate::scene::Camera;
 use crate::topology::{
     Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Placement, Processor, Replacement, Run,
     TileOrder,
 };
-use crate::tracer::view::ImageSettings;
-use crate::tracer::{AovSet, Tiling, View};
+use crate::tracer::View;
 
 pub(super) const RUN: RunId = RunId(1);
 pub(super) const KEY: MacKey = MacKey::new([1; 32]);
@@ -45,7 +45,7 @@ pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
         key: KEY,
         header: Header { layout, normalisation: Normalisation::new(None), max_depth: 12, scene_primitives: 1 },
         view: View { camera, lights: Vec::new(), background: DVec3::ZERO, image },
-        tiling: Tiling { width: tiles, height: 1, tile_width: 1, tile_height: 1 },
+        tiling: Tiling::new(Sides { width: tiles, height: 1, tile_width: 1, tile_height: 1 }).expect("possible"),
         aov: AovSet::default(),
         exr: false,
         record_references: false,

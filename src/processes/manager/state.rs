@@ -19,12 +19,12 @@ use super::process::{Command, Process, ProcessId, Report, Stage};
 use super::process_table::{ProcessTable, seconds};
 use super::verification::Verification;
 use crate::ids::{ClusterId, Epoch, Producer};
+use crate::picture::Rect;
 use crate::protocol::control::{
     BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand, NodeReport,
 };
 use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
-use crate::tracer::Rect;
 
 /// A node or a cluster is set aside, and a run without a display fails, after so many failures without a tile done in
 /// between.

@@ -1,8 +1,8 @@
 //! A node that is made to err (`marti run --chaos "corrupt node …"`), so that one can see it found out.
 
 use crate::ids::TileId;
+use crate::picture::Pixels;
 use crate::protocol::hello::Role;
-use crate::tracer::Pixels;
 
 /// Turns one bit of every tile's colours around, the last one of a number, so that nothing but a comparison tells.
 #[derive(Clone, Copy, Debug)]

@@ -11,11 +11,11 @@ use tokio::time::sleep;
 use super::NodeError;
 use super::state::Event;
 use crate::ids::{Attempt, TileId};
+use crate::picture::Pixels;
 use crate::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, connect};
 use crate::protocol::hello::Role;
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::Mac;
-use crate::tracer::Pixels;
 
 /// For the display to answer the hello.
 const CONNECT_DEADLINE: Duration = Duration::from_secs(5);

@@ -13,10 +13,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::ids::{Attempt, TileId};
+use crate::picture::{Pixels, Rect, Tiling};
 use crate::protocol::control::Packets;
 use crate::protocol::mac::Mac;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
-use crate::tracer::{Pixels, Rect, Tiling};
 
 /// Until a display that was lost, or could not be reached, is dialled again: the network may have been at fault.
 pub const REDIAL_PAUSE: Duration = Duration::from_millis(250);
@@ -205,13 +205,15 @@ impl Traced {
 mod tests {
     use super::*;
     use crate::ids::{Epoch, NodeId};
+    use crate::picture::Sides;
     use crate::protocol::mac::{Claim, MacKey};
     use crate::tracer::TraceStats;
     use crate::tracer::simd::Simd;
 
     const CLAIM: Claim = Claim { tile: TileId(0), attempt: Attempt(0), node: NodeId(0), epoch: Epoch(0) };
     const KEY: MacKey = MacKey::new([1; 32]);
-    const TILING: Tiling = Tiling { width: 10, height: 10, tile_width: 4, tile_height: 4 };
+    const TILING: Tiling =
+        Tiling::new(Sides { width: 10, height: 10, tile_width: 4, tile_height: 4 }).expect("possible");
 
     fn permit() -> Mac {
         KEY.permit(CLAIM)

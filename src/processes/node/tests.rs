@@ -15,6 +15,7 @@ use crate::database::verify::Verified;
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::transaction::FetchRequest;
+use crate::picture::{AovSet, ImageSettings, Pixels, Sides, Tiling};
 use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::RunToken;
@@ -26,13 +27,12 @@ use crate::scene::{Camera, Light, Material, Scene, Sphere};
 use crate::topology::{LocalMemory, MemorySize, Octree, Replacement};
 use crate::tracer::octree::{BuildParameters, build_database};
 use crate::tracer::slices::Slices;
-use crate::tracer::view::ImageSettings;
-use crate::tracer::{AovSet, Pixels, TileTracer, Tiling, View};
+use crate::tracer::{TileTracer, View};
 
 const TOKEN: RunToken = RunToken::new([5; 32]);
 const KEY: MacKey = MacKey::new([6; 32]);
 const SOON: Duration = Duration::from_secs(10);
-const TILING: Tiling = Tiling { width: 20, height: 13, tile_width: 8, tile_height: 8 };
+const TILING: Tiling = Tiling::new(Sides { width: 20, height: 13, tile_width: 8, tile_height: 8 }).expect("possible");
 const AOV: AovSet = AovSet { depth: true, normal: false, primitive: true };
 const ALL: MemorySize = MemorySize::All;
 const SMALL: MemorySize = MemorySize::Share { numerator: 1, denominator: 16 };
@@ -63,7 +63,7 @@ fn view() -> View {
         camera: Camera { from, at: DVec3::ONE, up: DVec3::Z, angle_degrees: 35.0, resolution: None },
         lights: vec![Light { position: DVec3::new(9.0, 1.0, 9.0), colour: DVec3::ONE }],
         background: DVec3::splat(0.1),
-        image: ImageSettings { width: TILING.width, height: TILING.height, depth: 3, cutoff: 0.0 },
+        image: ImageSettings { width: TILING.sides().width, height: TILING.sides().height, depth: 3, cutoff: 0.0 },
     }
 }
 
@@ -265,7 +265,7 @@ async fn its_tiles_are_those_of_the_tracer_alone_and_its_counts_those_of_the_bus
             assert_eq!(asked.fetches.load(Relaxed), fetches);
             assert_eq!((fetches > 0, asked.bulks.load(Relaxed)), if size == ALL { (false, 1) } else { (true, 0) });
             assert!(counted.iter().any(|memory| memory.stall_nanoseconds > 0) || size == ALL);
-            assert_eq!(asked.pixel_bytes.load(Relaxed), u64::from(3 * TILING.width * TILING.height));
+            assert_eq!(asked.pixel_bytes.load(Relaxed), u64::from(3 * TILING.sides().width * TILING.sides().height));
         }
     }
 }

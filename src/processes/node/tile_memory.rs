@@ -8,6 +8,7 @@ use crate::machine::local_memory::{Geometry, GeometryError, LocalMemory, MemoryE
 use crate::machine::references::{PART_WORDS, RecordNumbers, Recorder};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
 use crate::machine::stats::MemoryStats;
+use crate::picture::{AovSet, Pixels};
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::recording::RecordingError;
@@ -15,7 +16,7 @@ use crate::recording::references::Writer;
 use crate::topology::{self, MemorySize};
 use crate::tracer::simd::Simd;
 use crate::tracer::wide::WideOctree;
-use crate::tracer::{AovSet, Pixels, TileTracer, TraceStats};
+use crate::tracer::{TileTracer, TraceStats};
 
 /// Why a tile is lost; a whole database has no such error.
 #[derive(Debug, thiserror::Error)]

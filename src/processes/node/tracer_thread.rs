@@ -13,12 +13,12 @@ use tokio::sync::mpsc;
 use super::bus_lines::BusLines;
 use super::state::{Job, Traced};
 use super::tile_memory::{self, TileMemory};
+use crate::picture::AovSet;
 use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::hello::Role;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
 use crate::pulse::{Beacon, Pulse};
-use crate::tracer::AovSet;
 
 /// What the thread says.
 #[derive(Debug)]

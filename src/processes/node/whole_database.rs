@@ -10,12 +10,13 @@ use crate::database::verify::{Corrupt, Verified};
 use crate::database::{Database, Header};
 use crate::ids::Address;
 use crate::machine::stats::MemoryStats;
+use crate::picture::{AovSet, Pixels, Rect};
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::Packets;
 use crate::protocol::memory::BULK_BYTES_MAX;
 use crate::tracer::simd::Simd;
 use crate::tracer::wide::{BatchTracer, WideOctree};
-use crate::tracer::{AovSet, Pixels, Rect, TraceStats, View};
+use crate::tracer::{TraceStats, View};
 
 /// Traced in one call.
 const STRIP_PIXELS: u32 = 32 * 32;

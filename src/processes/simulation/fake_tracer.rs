@@ -6,9 +6,10 @@ use super::dice::hash;
 use crate::database::Section;
 use crate::ids::{Attempt, NodeId, TileId};
 use crate::machine::stats::{Counters, MemoryStats, section_class};
+use crate::picture::Pixels;
 use crate::protocol::work::TileDone;
 use crate::topology::MemorySize;
-use crate::tracer::{Pixels, TraceStats};
+use crate::tracer::TraceStats;
 
 /// Of the one pixel that a tile has.
 pub(super) fn pixels(tile: TileId) -> Pixels {

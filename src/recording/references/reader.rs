@@ -10,11 +10,11 @@ use crate::database::{Layout, Section};
 use crate::ids::{Epoch, NodeId};
 use crate::machine::references::RecordNumbers;
 use crate::machine::trace::{Trace, TraceError, TracedTile};
+use crate::picture::Tiling;
 use crate::recording::frames::ReadAt;
 use crate::regular_file;
 use crate::scene::source::Source;
 use crate::topology::Topology;
-use crate::tracer::Tiling;
 
 /// Why a recording cannot be opened.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]

@@ -7,8 +7,8 @@ use std::path::Path;
 use super::{FORMAT_VERSION, FileFacts, LEVELS_NAME, LostTile, Sidecar, cut_torn_tails, scan};
 use crate::atomic_file;
 use crate::database::{Layout, Section};
+use crate::picture::Tiling;
 use crate::topology::Topology;
-use crate::tracer::Tiling;
 
 /// What was recorded.
 #[derive(Clone, Debug)]

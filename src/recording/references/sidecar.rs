@@ -8,9 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::FORMAT_VERSION;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::topology::Image;
-use crate::tracer::Tiling;
-use crate::tracer::view::ImageSettings;
+use crate::picture::Tiling;
 use crate::{atomic_file, regular_file};
 
 /// The sidecar's name.
@@ -108,7 +106,6 @@ impl Sidecar {
         if sidecar.files.len() > FILES_MAX {
             return Err(format!("{} files, expected at most {FILES_MAX}", sidecar.files.len()));
         }
-        check_tiling(sidecar.tiling)?;
         Ok((sidecar, checksum_fault(text)))
     }
 }
@@ -131,19 +128,4 @@ fn checksum_fault(text: &[u8]) -> Option<String> {
                 .to_owned(),
         ),
     }
-}
-
-/// That its tiles can be counted, and are not too many.
-fn check_tiling(tiling: Tiling) -> Result<(), String> {
-    let Tiling { width, height, tile_width, tile_height } = tiling;
-    let found = || format!("tiles of {tile_width}x{tile_height} pixels in an image of {width}x{height}");
-    let side = |side: u32| (1..=ImageSettings::SIDE_MAX).contains(&side);
-    if ![width, height, tile_width, tile_height].into_iter().all(side) {
-        return Err(format!("{}, expected sides from 1 to {}", found(), ImageSettings::SIDE_MAX));
-    }
-    let tiles = u64::from(width.div_ceil(tile_width)) * u64::from(height.div_ceil(tile_height));
-    if tiles > Image::TILES_MAX {
-        return Err(format!("{} are {tiles} tiles, expected at most {}", found(), Image::TILES_MAX));
-    }
-    Ok(())
 }

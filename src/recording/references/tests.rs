@@ -8,12 +8,13 @@ use crate::database::Section;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Word};
 use crate::machine::trace::Trace;
-use crate::tracer::{RayKind, Tiling};
+use crate::picture::{Sides, Tiling};
+use crate::tracer::RayKind;
 
 const TOPOLOGY: &str =
     "[scene]\nprocedural = \"teapot\"\n[image]\nwidth = 12\nheight = 8\ntile = 4\n[cluster]\nnodes = 2\n";
 /// Columns × rows of tiles, each of one word more than the one before.
-const TILING: Tiling = Tiling { width: 12, height: 8, tile_width: 4, tile_height: 4 };
+const TILING: Tiling = Tiling::new(Sides { width: 12, height: 8, tile_width: 4, tile_height: 4 }).expect("possible");
 
 fn layout() -> Layout {
     Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small")

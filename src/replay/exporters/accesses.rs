@@ -4,10 +4,11 @@ use super::{ExportError, decode};
 use crate::database::{Layout, Section};
 use crate::ids::{Attempt, NodeId, TileId};
 use crate::machine::references::{Event, RecordNumbers};
+use crate::picture::Tiling;
 use crate::replay::detail::Classes;
 use crate::replay::pixels::Pixels;
 use crate::replay::{Trace, TraceError};
-use crate::tracer::{RayKind, Tiling};
+use crate::tracer::RayKind;
 
 /// What was recorded beside the references, and tells what they are.
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,9 @@ use super::*;
 use crate::database::{Layout, Section};
 use crate::ids::{NodeId, TileId};
 use crate::machine::references::RecordNumbers;
+use crate::picture::{Sides, Tiling};
 use crate::replay::{Captured, RecordLines};
-use crate::tracer::{RayKind, Tiling};
+use crate::tracer::RayKind;
 
 /// Two tiles of an image of 3×2, of which the second was traced by node 1 in two parts.
 fn example() -> (Layout, Captured) {
@@ -26,7 +27,7 @@ fn example() -> (Layout, Captured) {
     (layout, trace)
 }
 
-const TILING: Tiling = Tiling { width: 3, height: 2, tile_width: 2, tile_height: 2 };
+const TILING: Tiling = Tiling::new(Sides { width: 3, height: 2, tile_width: 2, tile_height: 2 }).expect("possible");
 
 fn text(write: impl FnOnce(&mut Vec<u8>) -> Result<u64, ExportError>) -> (u64, String) {
     let mut out = Vec::new();

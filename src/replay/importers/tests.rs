@@ -7,12 +7,12 @@ use super::{Imported, TableLines, csv, din, oracle_general};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::PART_WORDS;
 use crate::machine::replacement::{Clock, Lru};
+use crate::picture::{Sides, Tiling};
 use crate::replay::captured::tests::teapot;
 use crate::replay::count::{Counters, Replayer, Sum};
 use crate::replay::exporters::{self, accesses::Surroundings};
 use crate::replay::{Lines, RecordLines, Trace};
 use crate::scene::SourceError;
-use crate::tracer::Tiling;
 
 fn totals<R: crate::machine::replacement::Replacement>(
     trace: &impl Trace,
@@ -74,7 +74,7 @@ fn exports_come_back_with_the_same_counts() {
         let surroundings = Surroundings {
             layout,
             levels: &[],
-            tiling: Tiling { width: 32, height: 32, tile_width: 8, tile_height: 8 },
+            tiling: Tiling::new(Sides { width: 32, height: 32, tile_width: 8, tile_height: 8 }).expect("possible"),
         };
         let mut bytes = Vec::new();
         exporters::csv::write(&mut bytes, &trace, &tiles, surroundings).expect("into memory");

@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::COORDINATE;
+use crate::picture::ImageSettings;
 use crate::scene::cursor::{Cursor, Field, Word};
 use crate::scene::{Camera, SourceError};
-use crate::tracer::view::ImageSettings;
 
 const ANGLE: Field = Field { name: "an angle in degrees", min: 0.0, max: 180.0 };
 const HITHER: Field = Field { name: "a hither distance", min: -1e30, max: 1e30 };

@@ -23,12 +23,11 @@ use super::contention::{Contention, SMALLEST};
 use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
 use super::{conditions, published};
+use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, Fallback, PreparationError, Prepared};
 use crate::replay::parallel;
 use crate::scene::procedural::{Kind, Procedural};
 use crate::topology::{Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
-use crate::tracer::Tiling;
-use crate::tracer::view::ImageSettings;
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study paper 1";
@@ -118,7 +117,8 @@ impl Paper {
     /// There is no room for temporary files; the paper's scenes, which this program makes itself, are in order.
     pub fn study(tell: impl Fn(&str)) -> Result<Self, PaperError> {
         let (side, tile) = (published::IMAGE_SIDE, published::TILE_SIDE);
-        let tiling = Tiling { width: side, height: side, tile_width: tile, tile_height: tile };
+        let tiling =
+            Tiling::new(Sides { width: side, height: side, tile_width: tile, tile_height: tile }).expect("possible");
         let mut paper = Self::empty(tiling);
         tell("Figure 1: the teapot through octrees of fewer levels");
         paper.figure1 = figure1::figures(&TEAPOT, &paper)?;
@@ -193,7 +193,7 @@ impl Paper {
     }
 
     fn prepare(&self, scene: &PaperScene, octree: Octree) -> Result<Prepared, PreparationError> {
-        let Tiling { width, height, .. } = self.tiling;
+        let Sides { width, height, .. } = self.tiling.sides();
         let image = ImageSettings { width, height, depth: self.depth, cutoff: 0.0 };
         preparation::prepare(&scene.source(), octree, &Fallback::default(), |_| Ok(image))
     }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::{Figure1, GEARS, Paper, PaperScene, TEAPOT};
+use crate::picture::Sides;
 use crate::study::conditions::octree;
 use crate::study::contention::{Contention, SMALLEST};
 use crate::study::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
@@ -20,17 +21,13 @@ pub fn text(paper: &Paper) -> String {
 }
 
 fn write(out: &mut String, paper: &Paper) -> std::fmt::Result {
-    let tiling = paper.tiling;
+    let Sides { width, height, tile_width, tile_height } = paper.tiling.sides();
     writeln!(
         out,
-        "The 1991 paper's figures beside this program's. {}x{} pixels in {} tiles of {}x{}, no antialiasing,\n\
+        "The 1991 paper's figures beside this program's. {width}x{height} pixels in {} tiles of {tile_width}x{tile_height}, no antialiasing,\n\
          reflections and refractions to depth {}. What the paper leaves open is tried in several ways and stands beside\n\
          each figure. Local memories are fully associative, tiles are dealt to nodes in turn, row by row (interleaved).\n",
-        tiling.width,
-        tiling.height,
-        tiling.tile_count(),
-        tiling.tile_width,
-        tiling.tile_height,
+        paper.tiling.tile_count(),
         paper.depth
     )?;
     figure1(out, &paper.figure1)?;

@@ -12,12 +12,12 @@ use super::surfaces::Surfaces;
 use super::wave::Wave;
 use super::{WideOctree, WideTracer};
 use crate::database::verify::Verified;
+use crate::picture::{AovSet, Pixels, Rect};
 use crate::tracer::memory_port::RayKind;
 use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::Ray;
 use crate::tracer::simd::{Registers, Simd, Task};
 use crate::tracer::slices::Slices;
-use crate::tracer::tile::{AovSet, Pixels, Rect};
 use crate::tracer::{TraceStats, View};
 
 /// Traces tiles of one view from a whole database.

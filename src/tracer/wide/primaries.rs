@@ -7,11 +7,11 @@ use super::packet::{LANES, Packet};
 use super::surfaces::DOUBLES;
 use super::walk::walk;
 use super::wave::{Origin, Wave};
+use crate::picture::Rect;
 use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::{Source, entering};
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::simd::{Registers, Task};
-use crate::tracer::tile::Rect;
 
 /// Rays that a packet is made of are from a square of so many pixels a side.
 const SQUARE: usize = 4;

@@ -2,10 +2,11 @@
 
 use marti::ids::{Attempt, TileId};
 use marti::machine::stats::MemoryStats;
+use marti::picture::{AovSet, Pixels, Tiling};
 use marti::protocol::image::TilePixels;
 use marti::protocol::mac::Mac;
 use marti::protocol::work::{TileDone, WorkRequest};
-use marti::tracer::{AovSet, Pixels, Tiling, TraceStats};
+use marti::tracer::TraceStats;
 
 /// Whatever the planes are.
 pub(crate) fn pixels(tile: TileId, attempt: Attempt, permit: Mac, planes: &[u8]) -> TilePixels {

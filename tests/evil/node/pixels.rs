@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use marti::ids::{Attempt, TileId};
+use marti::picture::Pixels;
 use marti::processes::node::state::Traced;
 use marti::protocol::image::TilePixels;
 use marti::protocol::mac::Mac;
-use marti::tracer::Pixels;
 use tokio::time::{Instant, sleep_until};
 
 use super::ground::Ground;
