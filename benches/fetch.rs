@@ -8,22 +8,22 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use marti::codec;
 use marti::database::{Layout, Section};
 use marti::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use marti::keys::{Identity, KeyFolder, RoleKind, Validity};
 use marti::machine::local_memory::LineSource;
+use marti::machine::specification::Arbiter;
 use marti::machine::transaction::FetchRequest;
 use marti::processes::bus::memory_loop::{Command, MemoryLoop};
 use marti::processes::bus::state::State;
 use marti::processes::node::BusLines;
 use marti::protocol::connection::{BlockingConnection, Credentials, Introduction, Listener, Tls};
 use marti::protocol::control::BusConfiguration;
+use marti::protocol::frame;
 use marti::protocol::hello::{Role, RunToken};
 use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::pulse::Pulse;
 use marti::recording::{Metadata, Writer};
-use marti::topology::Arbiter;
 use nix::sched::{CpuSet, sched_setaffinity};
 use nix::unistd::Pid;
 
@@ -144,12 +144,12 @@ fn fetch(line: u64) -> FetchRequest {
 }
 
 /// Of a fetch and of its reply, lengths included.
-fn frame_bytes() -> Result<(usize, usize), codec::CodecError> {
+fn frame_bytes() -> Result<(usize, usize), frame::CodecError> {
     let FetchRequest { section, address, lines, accesses_before, .. } = fetch(0);
     let (tile, attempt, line_bytes) = (TileId(0), Attempt(0), LINE_BYTES as u16);
     let request = MemoryRequest::Fetch { tile, attempt, section, address, line_bytes, lines, accesses_before };
     let reply = MemoryReply::Data { bytes: LINE_BYTES as u32 };
-    Ok((codec::encode(&request, &[])?.len(), codec::encode(&reply, &[0; LINE_BYTES])?.len()))
+    Ok((frame::encode(&request, &[])?.len(), frame::encode(&reply, &[0; LINE_BYTES])?.len()))
 }
 
 /// A bus without a manager, as `marti-bus` runs it: recording and all.

@@ -8,7 +8,8 @@ use marti::ids::Address;
 use marti::machine::cluster_memory::ClusterMemory;
 use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
-use marti::topology::{self, MemorySize};
+use marti::machine::specification;
+use marti::machine::specification::MemorySize;
 use marti::tracer::MemoryPort;
 
 /// 128 KiB of octree nodes, 160 KB of triangles.
@@ -29,7 +30,7 @@ fn cluster_memory() -> ClusterMemory {
 
 fn local_memory<R: Replacement>(size: MemorySize, memory: &ClusterMemory) -> LocalMemory<R, &ClusterMemory> {
     let layout = layout();
-    let local = topology::LocalMemory { size, line: 64, ways: None, replacement: topology::Replacement::Lru };
+    let local = specification::LocalMemory { size, line: 64, ways: None, replacement: specification::Replacement::Lru };
     LocalMemory::new(Geometry::new(&local, &layout).expect("within ranges"), &layout, 1, memory)
 }
 

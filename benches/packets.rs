@@ -7,7 +7,8 @@ use std::time::Duration;
 use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{self, Fallback, Prepared};
 use marti::render::{self, Kernel, Settings};
-use marti::topology::{Octree, SceneSource};
+use marti::scene::SceneSource;
+use marti::tracer::octree::Octree;
 use marti::tracer::simd::Simd;
 use marti::tracer::wide::{BatchTracer, WideOctree};
 

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use marti::machine::local_memory::Geometry;
 use marti::machine::replacement::Lru;
+use marti::machine::specification::{LocalMemory, MemorySize, Replacement};
 use marti::picture::{ImageSettings, Sides, Tiling};
 use marti::preparation::{Fallback, prepare};
 use marti::render::thread_cpu;
@@ -19,7 +20,8 @@ use marti::replay::count::{Counters, Replayer, Sum};
 use marti::replay::curve::curve;
 use marti::replay::optimal::optimal;
 use marti::replay::{Captured, Lines, RecordLines, Trace, reads};
-use marti::topology::{LocalMemory, MemorySize, Octree, Replacement, SceneSource};
+use marti::scene::SceneSource;
+use marti::tracer::octree::Octree;
 
 const SIDE: u32 = 250;
 const TILE: u32 = 5;

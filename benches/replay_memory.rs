@@ -8,8 +8,7 @@ use std::time::Instant;
 
 use marti::ids::{Attempt, Epoch, NodeId, TileId};
 use marti::picture::{Sides, Tiling};
-use marti::preparation::prepare_topology;
-use marti::recording::references::{Opened, Recording, Seal, Writer, octree_levels};
+use marti::recording::references::{Opened, Seal, Writer, octree_levels};
 use marti::replay::curve::curve;
 use marti::replay::evaluation::{Evaluation, evaluate};
 use marti::replay::grid::Grid;
@@ -17,6 +16,7 @@ use marti::replay::setting::{Policy, Setting};
 use marti::replay::subject::Subject;
 use marti::replay::{Captured, Trace};
 use marti::topology::Topology;
+use marti::topology::recorded::open_references;
 
 const TILE: u32 = 8;
 
@@ -28,7 +28,7 @@ fn main() {
     record(folder.path(), wanted);
     told("recorded", start);
     let start = Instant::now();
-    let Opened { recording, faults } = Recording::open(folder.path()).expect("a recording");
+    let Opened { recording, faults } = open_references(folder.path()).expect("a recording");
     assert!(faults.is_empty(), "{faults:?}");
     println!(
         "{} references, {:.2} bytes each",
@@ -39,7 +39,9 @@ fn main() {
     for policy in [Policy::Lru, Policy::Optimal] {
         let start = Instant::now();
         let grid = Grid { replacement: vec![policy], ..Grid::default() };
-        let settings = grid.settings(Setting::recorded(&recording.topology)).expect("one");
+        let settings = grid
+            .settings(Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order))
+            .expect("one");
         let rows = evaluate(&recording, &settings, &Evaluation::default(), |_| {}).expect("sound");
         assert_eq!(rows[0].counts.record_accesses, recording.references);
         told(&format!("{policy:?}: {} misses", rows[0].counts.misses), start);
@@ -57,7 +59,7 @@ fn record(folder: &Path, wanted: u64) {
         &["cluster.local_memory.size=1/8".parse().expect("a key")],
     )
     .expect("a topology of this project");
-    let prepared = prepare_topology(&topology).expect("a scene");
+    let prepared = topology.prepare().expect("a scene");
     let header = &prepared.database.database().header;
     let side = prepared.view.image.width.min(256);
     let tiling =
@@ -79,7 +81,7 @@ fn record(folder: &Path, wanted: u64) {
         writer.end(last, tests).expect("written");
     }
     let seal = Seal {
-        topology,
+        topology: topology.to_toml().expect("its own"),
         layout: header.layout.clone(),
         tiling: Tiling::new(Sides { height: side * times, ..tiling.sides() }).expect("possible"),
         octree_levels: octree_levels(&prepared.database),

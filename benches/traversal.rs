@@ -6,9 +6,11 @@ use marti::database::verify::Verified;
 use marti::machine::cluster_memory::ClusterMemory;
 use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::Lru;
+use marti::machine::specification::{LocalMemory as Configuration, MemorySize, Replacement};
 use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{Fallback, Prepared, prepare};
-use marti::topology::{LocalMemory as Configuration, MemorySize, Octree, Replacement, SceneSource};
+use marti::scene::SceneSource;
+use marti::tracer::octree::Octree;
 use marti::tracer::slices::Slices;
 use marti::tracer::{MemoryPort, TileTracer};
 

@@ -60,7 +60,8 @@ mod tests {
     use crate::picture::ImageSettings;
     use crate::preparation::{self, Fallback, Prepared};
     use crate::render::{self, Kernel, Settings};
-    use crate::topology::{Octree, SceneSource};
+    use crate::scene::SceneSource;
+    use crate::tracer::octree::Octree;
     use crate::tracer::simd::Simd;
     use crate::tracer::wide::WideOctree;
 

@@ -9,7 +9,6 @@ compile_error!("the database image, the wire format and the hashes of marti are 
 pub mod atomic_file;
 pub mod chaos;
 pub mod cli;
-pub mod codec;
 pub mod database;
 pub mod floating_point;
 pub mod ids;

@@ -7,9 +7,10 @@ use glam::DVec3;
 use crate::database::compile::compile;
 use crate::database::verify::Verified;
 use crate::picture::ImageSettings;
-use crate::scene::{self, Camera, Light, Scene, SourceError};
-use crate::topology::{Octree, SceneSource, Topology};
+use crate::scene::SceneSource;
+use crate::scene::{Camera, Light, Scene, SourceError};
 use crate::tracer::View;
+use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildError, BuildParameters, complete};
 
 /// A scene, ready to be traced.
@@ -44,17 +45,6 @@ pub enum PreparationError {
     Build { scene: String, error: BuildError },
 }
 
-/// Reads a scene file or makes a procedural scene.
-///
-/// # Errors
-/// The file is not a scene.
-pub fn load(source: &SceneSource) -> Result<Scene, SourceError> {
-    match source {
-        SceneSource::File(path) => scene::load(path),
-        SceneSource::Procedural(procedural) => Ok(procedural.scene()),
-    }
-}
-
 /// Builds the database of a scene; `source` names it in errors.
 ///
 /// # Errors
@@ -80,22 +70,12 @@ pub fn prepare(
     image: impl FnOnce(&Camera) -> Result<ImageSettings, String>,
 ) -> Result<Prepared, PreparationError> {
     let start = Instant::now();
-    let scene = load(source)?;
+    let scene = source.load()?;
     let load = start.elapsed();
     let view = view(&scene, fallback, image).map_err(PreparationError::Image)?;
     let start = Instant::now();
     let database = build(source, scene, octree)?;
     Ok(Prepared { database, view, load, build: start.elapsed() })
-}
-
-/// [`prepare`] for a topology.
-///
-/// # Errors
-/// As [`prepare`]'s.
-pub fn prepare_topology(topology: &Topology) -> Result<Prepared, PreparationError> {
-    let fallback =
-        Fallback { camera: topology.camera, lights: topology.lights.clone(), background: topology.background };
-    prepare(&topology.scene, topology.octree, &fallback, |camera| topology.image_settings(camera))
 }
 
 /// The scene's own camera, lights and background; else the fallback's; else what shows all of it.

@@ -113,7 +113,7 @@ fn the_simulation_has_no_clock_and_nobody_knows_of_it() {
 
 #[test]
 fn each_foreign_thing_has_its_place() {
-    forbid("src", &["bincode"], &["src/codec.rs", "src/codec"], "the wire codec is named in one file");
+    forbid("src", &["bincode"], &["src/protocol/frame.rs"], "the wire codec is named in one file");
     forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
     forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
     forbid(

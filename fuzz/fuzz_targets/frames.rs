@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::codec::{self, PREFIX_BYTES};
+use marti::protocol::frame::{self, PREFIX_BYTES};
 use marti::protocol::connection::read_buffer::ReadBuffer;
 
 const FRAME_BYTES_MAX: usize = 300;
@@ -10,7 +10,7 @@ const FRAME_BYTES_MAX: usize = 300;
 fn whole(mut stream: &[u8]) -> (Vec<Vec<u8>>, bool) {
     let mut frames = Vec::new();
     loop {
-        match codec::first_frame(stream, FRAME_BYTES_MAX) {
+        match frame::first_frame(stream, FRAME_BYTES_MAX) {
             Ok(Some(frame)) => {
                 frames.push(frame.to_vec());
                 stream = &stream[PREFIX_BYTES + frame.len()..];

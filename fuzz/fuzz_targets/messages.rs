@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::codec::{self, Message};
+use marti::protocol::frame::{self, Message};
 use marti::protocol::control::{
     Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
     NodeReport,
@@ -14,11 +14,11 @@ use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::protocol::work::{WorkReply, WorkRequest};
 
 fn decode<M: Message>(frame: &[u8]) {
-    let Ok((message, bulk)) = codec::decode::<M>(frame) else { return };
-    let encoded = codec::encode(&message, bulk).expect("what was decoded can be sent");
-    let inner = codec::first_frame(&encoded, codec::frame_bytes_max::<M>()).expect("not too long").expect("whole");
-    let (message, bulk) = codec::decode::<M>(inner).expect("what was sent can be decoded");
-    assert_eq!(codec::encode(&message, bulk).expect("again"), encoded);
+    let Ok((message, bulk)) = frame::decode::<M>(frame) else { return };
+    let encoded = frame::encode(&message, bulk).expect("what was decoded can be sent");
+    let inner = frame::first_frame(&encoded, frame::frame_bytes_max::<M>()).expect("not too long").expect("whole");
+    let (message, bulk) = frame::decode::<M>(inner).expect("what was sent can be decoded");
+    assert_eq!(frame::encode(&message, bulk).expect("again"), encoded);
 }
 
 const DECODERS: [fn(&[u8]); 20] = [

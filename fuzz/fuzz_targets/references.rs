@@ -2,9 +2,10 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use marti::topology::recorded::open_references;
 use marti::ids::{Epoch, NodeId};
 use marti::machine::trace::Trace;
-use marti::recording::references::{Recording, SIDECAR_NAME, cut_torn_tails, file_name, scan};
+use marti::recording::references::{SIDECAR_NAME, cut_torn_tails, file_name, scan};
 use marti_fuzz::{split, with_folder};
 
 fuzz_target!(|data: &[u8]| {
@@ -12,7 +13,7 @@ fuzz_target!(|data: &[u8]| {
     let name = file_name(NodeId(0), Epoch(0));
     with_folder(&[(SIDECAR_NAME, sidecar), (&name, stream)], |folder| {
         let _ = cut_torn_tails(folder);
-        let Ok(opened) = Recording::open(folder) else { return };
+        let Ok(opened) = open_references(folder) else { return };
         let recording = opened.recording;
         let _ = scan(folder, &recording.layout);
         let mut words = Vec::new();

@@ -7,10 +7,13 @@ use std::time::Duration;
 use clap::Args;
 
 use super::{Failure, print};
+use crate::machine::specification::{Arbiter, LocalMemory, MemorySize};
 use crate::picture::{ImageSettings, Tiling};
+use crate::scene::SceneSource;
 use crate::scene::procedural::Procedural;
 use crate::scene::{Camera, Scene};
-use crate::topology::{Arbiter, Assignment, Host, Launch, LocalMemory, MemorySize, Override, SceneSource, Topology};
+use crate::tile_order::Assignment;
+use crate::topology::{Host, Launch, Override, Topology};
 
 /// Check a topology and its scene, and print what would run
 #[derive(Clone, Debug, Args)]

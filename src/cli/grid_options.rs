@@ -5,7 +5,7 @@ use clap::Args;
 use super::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount};
 use crate::replay::grid::Grid;
 use crate::replay::setting::{ArbiterName, Assignment, Policy};
-use crate::topology::TileOrder;
+use crate::tile_order::TileOrder;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What is varied")]

@@ -10,7 +10,8 @@ use super::{Failure, print};
 use crate::database::Section;
 use crate::database::verify::Verified;
 use crate::preparation;
-use crate::topology::{Octree, SceneSource};
+use crate::scene::SceneSource;
+use crate::tracer::octree::Octree;
 use crate::tracer::octree::census::{Census, Level};
 
 /// Print the database of a scene by section, and its octree by level
@@ -27,7 +28,7 @@ pub struct InspectArguments {
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
-    let scene = preparation::load(&arguments.scene)?;
+    let scene = arguments.scene.load()?;
     let database = preparation::build(&arguments.scene, scene, octree)?;
     let inspection = Inspection::of(arguments.scene.to_string(), &database);
     if arguments.json {

@@ -2,9 +2,9 @@
 
 use std::str::FromStr;
 
+use crate::machine::specification::{Arbiter, MemorySize};
 use crate::replay::setting::ArbiterName;
 use crate::topology::value::{Line, Nodes, Quantum, Ways, Width};
-use crate::topology::{Arbiter, MemorySize};
 
 /// Longer lists are slips of the keyboard.
 const VALUES_MAX: usize = 4096;
@@ -83,7 +83,7 @@ impl PartialOrd for Size {
 
 impl Value for Size {
     fn parse(text: &str) -> Result<Self, String> {
-        text.parse().map(Self).map_err(|error: crate::topology::NotASize| error.to_string())
+        text.parse().map(Self).map_err(|error: crate::machine::specification::NotASize| error.to_string())
     }
 
     fn next(self, factor: Option<u32>) -> Option<Self> {

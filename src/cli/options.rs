@@ -6,8 +6,8 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use crate::picture::AovSet;
-use crate::topology::Octree;
 use crate::topology::value::{LeafSize, MaxDepth, Side};
+use crate::tracer::octree::Octree;
 
 /// What is written besides the image.
 #[derive(Clone, Debug, Args)]

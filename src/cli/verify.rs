@@ -11,7 +11,8 @@ use crate::oracle::{self, AimedAt, Counts, Verification};
 use crate::picture::ImageSettings;
 use crate::preparation::{self, Fallback};
 use crate::scene::Placement;
-use crate::topology::{Octree, SceneSource};
+use crate::scene::SceneSource;
+use crate::tracer::octree::Octree;
 
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
 ///
@@ -62,7 +63,7 @@ pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
 }
 
 fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octree) -> Result<(), Failure> {
-    let mut scene = preparation::load(source)?;
+    let mut scene = source.load()?;
     let placement = Placement { scale: arguments.scale, translation: arguments.translate };
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| Ok(ImageSettings { width: 1000, height: 1000, depth: 0, cutoff: 0.0 });

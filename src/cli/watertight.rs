@@ -12,7 +12,7 @@ use super::{Failure, json, print};
 use crate::oracle::{ClosedMesh, Kernel, KernelTracer, Subject};
 use crate::outlet;
 use crate::render::thread_cpu;
-use crate::topology::Octree;
+use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildParameters, build_database};
 use crate::tracer::ray::Ray;
 

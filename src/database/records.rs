@@ -5,6 +5,11 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
+/// Deepest level an octree may have; the root's is 0.
+pub const MAX_DEPTH: u32 = 20;
+/// Levels that are counted apart.
+pub const LEVELS: usize = MAX_DEPTH as usize + 1;
+
 /// An octree node, 4 bytes: no coordinates, HERO derives the planes (paper, section 2.1).
 ///
 /// Bits 31–30: 0 leaf, 1 branch; 2 and 3 are reserved for leaves not built yet. Bits 29–0: of a leaf, the

@@ -2,7 +2,7 @@
 
 use super::records::{Cone, LeafEntry, OctreeNode, OctreeWord, Sphere, Surface, Triangle};
 use super::{Database, Section};
-use crate::tracer::stats::MAX_DEPTH;
+use crate::database::records::MAX_DEPTH;
 
 /// A record that points outside of its section, or an octree that is no tree.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -129,7 +129,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::topology::SceneSource;
+    use crate::scene::SceneSource;
     use crate::tracer::octree::{BuildParameters, build_database};
 
     /// Where the bounds of roundings would not hold, nothing is traced.
@@ -139,7 +139,7 @@ mod tests {
             [("teapot:2", Section::Triangles, "triangle 1 lies"), ("balls:1", Section::Spheres, "sphere 2 lies")]
         {
             let source: SceneSource = scene.parse().expect("procedural");
-            let scene = crate::preparation::load(&source).expect("procedural");
+            let scene = source.load().expect("procedural");
             let parameters = BuildParameters { leaf_size: 8, max_depth: 12 };
             let mut database = build_database(&scene, parameters).expect("sound").database().clone();
             // Ten words into the section: the second triangle's first coordinate, the third sphere's last.

@@ -9,6 +9,8 @@ pub mod cluster_memory;
 pub mod local_memory;
 pub mod references;
 pub mod replacement;
+pub mod specification;
 pub mod stats;
+pub mod totals;
 pub mod trace;
 pub mod transaction;

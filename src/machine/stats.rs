@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::database::Section;
+use crate::database::records::LEVELS;
 use crate::tracer::memory_port::RayKind;
-use crate::tracer::stats::LEVELS;
 
 /// Octree nodes are counted by level, every other section as a whole.
 pub const CLASSES: usize = LEVELS + Section::COUNT - 1;

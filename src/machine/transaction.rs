@@ -5,6 +5,13 @@ use bytes::Bytes;
 use crate::database::Section;
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 
+/// Modelled bytes of a job handed to a node: the tile's number.
+pub const JOB_BYTES: u32 = 4;
+/// Modelled bytes of an end of job: the tile's number.
+pub const END_OF_JOB_BYTES: u32 = 4;
+/// Modelled bytes of a pixel written.
+pub const PIXEL_BYTES: u32 = 3;
+
 /// Who may ask for the bus. The order is that of [`fixed_priority`](super::arbiter::FixedPriority): the few
 /// requests of the loader and the master go before those of the nodes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]

@@ -14,10 +14,10 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 
-use crate::codec::{self, CodecError, PREFIX_BYTES};
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
 use crate::protocol::control::{Bootstrap, Command, Report};
+use crate::protocol::frame::{self, CodecError, PREFIX_BYTES};
 use crate::protocol::hello::{Hello, Role};
 use crate::pulse::{Beacon, Pulse};
 use crate::telemetry::{self, TelemetryError};
@@ -199,10 +199,10 @@ fn read(input: &mut impl Read) -> Result<Bootstrap, String> {
     let mut received = vec![0; PREFIX_BYTES];
     input.read_exact(&mut received).map_err(|_| "standard input is empty".to_owned())?;
     let too_long = |error: CodecError| format!("standard input holds {error}");
-    let bytes = codec::frame_bytes(&received, codec::frame_bytes_max::<Bootstrap>()).map_err(too_long)?;
+    let bytes = frame::frame_bytes(&received, frame::frame_bytes_max::<Bootstrap>()).map_err(too_long)?;
     received.resize(bytes.unwrap_or_default(), 0);
     input.read_exact(&mut received).map_err(|_| "standard input ends early".to_owned())?;
-    let (bootstrap, _) = codec::decode(&received).map_err(|error| format!("standard input is {error}"))?;
+    let (bootstrap, _) = frame::decode(&received).map_err(|error| format!("standard input is {error}"))?;
     Ok(bootstrap)
 }
 
@@ -228,13 +228,13 @@ mod tests {
 
     #[test]
     fn a_bootstrap_is_read_back() {
-        let frame = codec::encode(&bootstrap(), &[]).expect("short");
+        let frame = frame::encode(&bootstrap(), &[]).expect("short");
         assert_eq!(read(&mut frame.as_slice()), Ok(bootstrap()));
     }
 
     #[test]
     fn anything_else_says_what_it_is() {
-        let frame = codec::encode(&bootstrap(), &[]).expect("short");
+        let frame = frame::encode(&bootstrap(), &[]).expect("short");
         let refused = |mut input: &[u8]| read(&mut input).expect_err("not a bootstrap");
         assert_eq!(refused(b""), "standard input is empty");
         assert_eq!(refused(&frame[..20]), "standard input ends early");

@@ -6,16 +6,19 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::frame::{Message, messages};
 use super::hello::{Role, RunToken};
 use super::mac::MacKey;
 use super::work::TileDone;
-use crate::codec::Message;
 use crate::database::{Header, Layout};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, Producer, TileId};
 use crate::keys::Identity;
+use crate::machine::specification::{Arbiter, LocalMemory};
+use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};
 use crate::picture::{AovSet, Tiling};
-use crate::topology::{Arbiter, Assignment, LocalMemory, Octree};
+use crate::tile_order::Assignment;
 use crate::tracer::View;
+use crate::tracer::octree::Octree;
 use crate::tracer::simd::Simd;
 
 /// Handed to a spawned process by its standard input, to one that joins by the manager's port: where to go, and the
@@ -113,31 +116,6 @@ pub enum BusReport {
     Finished(BusTotals),
 }
 
-/// What crossed the bus.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct BusTotals {
-    pub transactions: u64,
-    pub fetches: u64,
-    pub fetched_bytes: u64,
-    pub bulk_bytes: u64,
-    /// Modelled jobs and pixels.
-    pub message_bytes: u64,
-    /// Bytes that really went over the sockets, both directions.
-    pub wire_bytes: u64,
-    pub log_rows: u64,
-    pub fetches_of_lost_attempts: u64,
-    pub fetched_bytes_of_lost_attempts: u64,
-    /// How often a transaction waited for the log's writer.
-    pub log_waits: u64,
-}
-
-/// An attempt whose completion never arrived. Its number is never given twice for a tile.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
-pub struct LostAttempt {
-    pub tile: TileId,
-    pub attempt: Attempt,
-}
-
 /// Manager to master.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum MasterCommand {
@@ -220,15 +198,6 @@ pub enum MasterReport {
         tile: TileId,
     },
     Finished(MasterTotals),
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-pub struct MasterTotals {
-    pub attempts_issued: u64,
-    pub attempts_accepted: u64,
-    /// Completions of attempts that were no longer awaited.
-    pub attempts_stale: u64,
-    pub attempts_lost: u64,
 }
 
 /// Manager to node.
@@ -413,4 +382,19 @@ pub struct DisplayTotals {
     pub tiles_stale: u64,
     pub wire_bytes: u64,
     pub written: Vec<PathBuf>,
+}
+
+messages! {
+    // With keys and certificates; less than a pipe takes at once.
+    Bootstrap: 32 << 10, bulk 0;
+    BusCommand: 1 << 20, bulk 0;
+    BusReport: 64 << 10, bulk 0;
+    MasterCommand: 1 << 20, bulk 0;
+    MasterReport: 64 << 10, bulk 0;
+    // A scene may have many lights.
+    NodeCommand: 4 << 20, bulk 0;
+    NodeReport: 64 << 10, bulk 0;
+    DisplayCommand: 64 << 10, bulk 0;
+    // One bit per tile.
+    DisplayReport: 4 << 20, bulk 0;
 }

@@ -6,6 +6,7 @@ use hmac::Mac as _;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::frame::messages;
 use crate::ids::{ClusterId, Epoch, NodeId, RunId};
 use crate::keys::RoleKind;
 use crate::protocol::mac;
@@ -158,6 +159,13 @@ pub enum HelloReply {
     Welcome,
     /// Says what was expected.
     Refused(String),
+}
+
+messages! {
+    // What follows it is the rest of the hello.
+    HelloPrelude: 12, bulk HELLO_BYTES_MAX - 12;
+    Hello: HELLO_BYTES_MAX, bulk 0;
+    HelloReply: HELLO_BYTES_MAX, bulk 0;
 }
 
 #[cfg(test)]

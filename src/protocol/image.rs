@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::frame::messages;
 use super::mac::Mac;
 use crate::ids::{Attempt, TileId};
 
@@ -23,4 +24,10 @@ pub enum ImageReply {
     Acknowledged { tile: TileId, attempt: Attempt, receipt: Mac },
     /// The connection ends after this.
     Refused(String),
+}
+
+messages! {
+    // The display narrows this to the largest tile of its image.
+    TilePixels: 64, bulk u32::MAX as usize - 64;
+    ImageReply: 4 << 10, bulk 0;
 }

@@ -4,6 +4,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::control::Bootstrap;
+use super::frame::messages;
+use super::hello::HELLO_BYTES_MAX;
 
 /// The first frame after the welcome.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -19,4 +21,9 @@ pub enum JoinReply {
     Place(Box<Bootstrap>),
     /// The run is over.
     Over,
+}
+
+messages! {
+    JoinRequest: 512, bulk 0;
+    JoinReply: HELLO_BYTES_MAX + 4, bulk 0;
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::frame::messages;
 use crate::database::Section;
 use crate::ids::{Address, Attempt, NodeId, TileId};
 
@@ -45,9 +46,8 @@ pub enum MemoryReply {
 
 /// Most bytes one `Bulk` or `Store` may move.
 pub const BULK_BYTES_MAX: u32 = 4 << 20;
-/// Modelled bytes of a job handed to a node: the tile's number.
-pub const JOB_BYTES: u32 = 4;
-/// Modelled bytes of an end of job: the tile's number.
-pub const END_OF_JOB_BYTES: u32 = 4;
-/// Modelled bytes of a pixel written.
-pub const PIXEL_BYTES: u32 = 3;
+
+messages! {
+    MemoryRequest: 64, bulk BULK_BYTES_MAX as usize;
+    MemoryReply: 4 << 10, bulk BULK_BYTES_MAX as usize;
+}

@@ -5,6 +5,7 @@
 
 pub mod connection;
 pub mod control;
+pub mod frame;
 pub mod hello;
 pub mod image;
 pub mod join;

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::frame::messages;
 use super::mac::Mac;
 use crate::ids::{Attempt, TileId};
 use crate::machine::stats::{Counters, MemoryStats};
@@ -64,6 +65,12 @@ impl TileDone {
         let longest = nanoseconds.max().unwrap_or_default();
         (longest > NANOSECONDS_MAX).then(|| format!("a time of {longest} ns, expected at most {NANOSECONDS_MAX}"))
     }
+}
+
+messages! {
+    // Two words per counter, four counters per class and ray kind.
+    WorkRequest: 16 << 10, bulk 0;
+    WorkReply: 64, bulk 0;
 }
 
 #[cfg(test)]

@@ -74,7 +74,7 @@ pub(crate) mod tests {
     /// The teapot at so many pixels a side in tiles of 8×8, and its database.
     pub(crate) fn teapot(side: u32, nodes: u16) -> (Verified, Captured) {
         let source = "teapot".parse().expect("a procedural scene");
-        let octree = crate::topology::Octree::DEFAULT;
+        let octree = crate::tracer::octree::Octree::DEFAULT;
         let image = ImageSettings { width: side, height: side, depth: 4, cutoff: 0.01 };
         let prepared =
             preparation::prepare(&source, octree, &preparation::Fallback::default(), |_| Ok(image)).expect("a scene");

@@ -2,11 +2,11 @@
 
 use super::Trace;
 use super::count::Tally;
+use crate::database::records::MAX_DEPTH;
 use crate::database::{Layout, Section};
 use crate::machine::references::RecordNumbers;
 use crate::machine::stats::{MemoryStats, octree_class, section_class};
 use crate::tracer::RayKind;
-use crate::tracer::stats::MAX_DEPTH;
 
 /// What a record is counted as.
 #[derive(Clone, Debug)]

@@ -15,7 +15,7 @@ use super::timing::{Timing, simulate_setting};
 use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::Word;
-use crate::topology::TileOrder;
+use crate::tile_order::TileOrder;
 
 /// A row of a replay's table.
 #[derive(Clone, PartialEq, Debug, Serialize)]

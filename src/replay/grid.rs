@@ -1,7 +1,8 @@
 //! Lists of values → every combination of them, as settings that can be.
 
 use super::setting::{Assignment, Policy, Setting};
-use crate::topology::{Arbiter, MemorySize, TileOrder};
+use crate::machine::specification::{Arbiter, MemorySize};
+use crate::tile_order::TileOrder;
 
 /// More combinations than this are a slip of the keyboard.
 pub const SETTINGS_MAX: usize = 100_000;

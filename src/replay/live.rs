@@ -13,9 +13,9 @@ use crate::recording::references::Recording;
 /// # Errors
 /// The recording cannot be read, or its local memory be made.
 pub fn counts(recording: &Recording) -> Result<Vec<MemoryStats>, TraceError> {
-    let memory = &recording.topology.cluster.local_memory;
+    let memory = &recording.conditions.cluster.local_memory;
     let geometry = Geometry::new(memory, &recording.layout).map_err(|error| TraceError(error.to_string()))?;
-    let schedule = Schedule::recorded(recording, recording.topology.cluster.all_nodes());
+    let schedule = Schedule::recorded(recording, recording.conditions.cluster.all_nodes());
     let count = |processes: &Vec<Vec<u32>>| {
         let mut detail = Detail::new(recording, Classes::new(&recording.layout, &recording.octree_levels));
         replay_node(recording, processes, memory.replacement.into(), geometry, &mut detail)?;

@@ -4,10 +4,10 @@ use super::Trace;
 use super::count::{Counters, Tally};
 use super::detail::Classes;
 use super::pixels::Pixels;
+use crate::database::records::LEVELS;
 use crate::database::{Layout, Section};
 use crate::picture::Tiling;
 use crate::tracer::RayKind;
-use crate::tracer::stats::LEVELS;
 
 /// Counts of accepted tiles, by what was read and what for. Each of the tables adds up to the same.
 #[derive(Clone, PartialEq, Eq, Debug)]

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-use crate::topology::{self, Arbiter, MemorySize, TileOrder};
+use crate::machine::specification::{self, Arbiter, Cluster, MemorySize};
+use crate::tile_order::TileOrder;
 
 /// Which line of a full set gives way.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, clap::ValueEnum)]
@@ -18,13 +19,13 @@ pub enum Policy {
     Optimal,
 }
 
-impl From<topology::Replacement> for Policy {
-    fn from(replacement: topology::Replacement) -> Self {
+impl From<specification::Replacement> for Policy {
+    fn from(replacement: specification::Replacement) -> Self {
         match replacement {
-            topology::Replacement::Lru => Self::Lru,
-            topology::Replacement::Fifo => Self::Fifo,
-            topology::Replacement::Clock => Self::Clock,
-            topology::Replacement::Random => Self::Random,
+            specification::Replacement::Lru => Self::Lru,
+            specification::Replacement::Fifo => Self::Fifo,
+            specification::Replacement::Clock => Self::Clock,
+            specification::Replacement::Random => Self::Random,
         }
     }
 }
@@ -64,8 +65,8 @@ pub struct Setting {
 
 impl Setting {
     /// That of a recorded run.
-    pub fn recorded(topology: &topology::Topology) -> Self {
-        let topology::Cluster { nodes, local_memory, bus, .. } = topology.cluster;
+    pub fn recorded(cluster: &Cluster, tile_order: TileOrder) -> Self {
+        let Cluster { nodes, local_memory, bus, .. } = *cluster;
         Self {
             local_memory: local_memory.size,
             line: local_memory.line,
@@ -73,7 +74,7 @@ impl Setting {
             replacement: local_memory.replacement.into(),
             nodes,
             clusters: 1,
-            tile_order: topology.run.order,
+            tile_order,
             assignment: Assignment::Recorded,
             bus_width: bus.width,
             arbiter: bus.arbiter,
@@ -82,7 +83,7 @@ impl Setting {
 
     /// For a trace that came from elsewhere: one node with an eighth of what it referenced, lines of 64 bytes.
     pub fn imported() -> Self {
-        let bus = topology::Bus::DEFAULT;
+        let bus = specification::Bus::DEFAULT;
         Self {
             local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
             line: 64,
@@ -98,14 +99,14 @@ impl Setting {
     }
 
     /// The topology's words for its local memory; [`Policy::Optimal`] has none, and LRU stands for it.
-    pub fn memory(&self) -> topology::LocalMemory {
+    pub fn memory(&self) -> specification::LocalMemory {
         let replacement = match self.replacement {
-            Policy::Lru | Policy::Optimal => topology::Replacement::Lru,
-            Policy::Fifo => topology::Replacement::Fifo,
-            Policy::Clock => topology::Replacement::Clock,
-            Policy::Random => topology::Replacement::Random,
+            Policy::Lru | Policy::Optimal => specification::Replacement::Lru,
+            Policy::Fifo => specification::Replacement::Fifo,
+            Policy::Clock => specification::Replacement::Clock,
+            Policy::Random => specification::Replacement::Random,
         };
-        topology::LocalMemory { size: self.local_memory, line: self.line, ways: self.ways, replacement }
+        specification::LocalMemory { size: self.local_memory, line: self.line, ways: self.ways, replacement }
     }
 
     /// Of all clusters together.

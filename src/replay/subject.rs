@@ -6,10 +6,11 @@ use super::{Lines, RecordLines, Trace};
 use crate::database::{Layout, Section};
 use crate::ids::TileId;
 use crate::machine::references::RecordNumbers;
+use crate::machine::specification::{Bus, Processor};
 use crate::picture::Tiling;
 use crate::recording::references::Recording;
 use crate::tile_order;
-use crate::topology::{Bus, Processor, TileOrder};
+use crate::tile_order::TileOrder;
 
 /// A trace, and what simulations must know besides.
 pub trait Subject: Trace {
@@ -69,15 +70,15 @@ impl DatabaseTrace for Recording {
     }
 
     fn run_seed(&self) -> u64 {
-        self.topology.run.seed
+        self.conditions.seed
     }
 
     fn processor(&self) -> Processor {
-        self.topology.cluster.processor
+        self.conditions.cluster.processor
     }
 
     fn cluster_bus(&self) -> Bus {
-        self.topology.cluster.bus
+        self.conditions.cluster.bus
     }
 }
 

@@ -12,10 +12,10 @@ use crate::machine::cluster_memory::{AccessError, ClusterMemory};
 use crate::machine::local_memory::{Geometry, LineSource, LocalMemory};
 use crate::machine::references::{Event, RecordNumbers, Word};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::machine::specification::{self, MemorySize};
 use crate::machine::stats::MemoryStats;
 use crate::machine::transaction::FetchRequest;
 use crate::recording::references::octree_levels;
-use crate::topology::{self, MemorySize};
 use crate::tracer::MemoryPort;
 
 const SEED: u64 = 7;
@@ -30,8 +30,8 @@ impl LineSource for Shared<'_> {
     }
 }
 
-fn memory(size: MemorySize, line: u32, ways: Option<u32>) -> topology::LocalMemory {
-    topology::LocalMemory { size, line, ways, replacement: topology::Replacement::Lru }
+fn memory(size: MemorySize, line: u32, ways: Option<u32>) -> specification::LocalMemory {
+    specification::LocalMemory { size, line, ways, replacement: specification::Replacement::Lru }
 }
 
 /// Reads what the words tell through a local memory with data in it.

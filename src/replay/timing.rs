@@ -13,7 +13,7 @@ use super::subject::Subject;
 use super::work::{RecordedWork, Step, Tiles};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
-use crate::topology::Bus;
+use crate::machine::specification::Bus;
 
 /// Of all clusters together, in simulated cycles.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]

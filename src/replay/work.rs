@@ -11,7 +11,7 @@ use crate::ids::{NodeId, TileId};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::Replacement;
 use crate::machine::transaction::Kind;
-use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
+use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::tracer::RayKind;
 
 /// Which tiles nodes take, as indices into those of the trace.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::database::Section;
 use crate::ids::NodeId;
 use crate::machine::stats::{Counters, MemoryStats};
-use crate::protocol::control::{BusTotals, MasterTotals};
+use crate::machine::totals::{BusTotals, MasterTotals};
 use crate::tracer::TraceStats;
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::ratio;
 use crate::database::Section;
+use crate::database::records::LEVELS;
 use crate::machine::stats::{Counters, MemoryStats, octree_class};
 use crate::tracer::RayKind;
-use crate::tracer::stats::LEVELS;
 
 /// All nodes together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -19,7 +19,7 @@ pub use memory::{Memory, NodeMemory};
 pub use verification::Verification;
 
 use crate::database::verify::Verified;
-use crate::protocol::control::BusTotals;
+use crate::machine::totals::BusTotals;
 use crate::tracer::octree::census::Census;
 use crate::tracer::simd::Simd;
 use crate::tracer::{RayKind, TraceStats};

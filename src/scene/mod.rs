@@ -7,6 +7,7 @@ pub mod nff;
 pub mod obj;
 pub mod placement;
 pub mod procedural;
+mod scene_source;
 pub(crate) mod source;
 pub mod source_error;
 
@@ -16,6 +17,7 @@ use serde::{Deserialize, Serialize};
 pub use camera::Camera;
 pub use load::load;
 pub use placement::Placement;
+pub use scene_source::SceneSource;
 pub use source_error::SourceError;
 
 /// What a scene file holds. Every number is finite; every index is in range.

@@ -5,7 +5,8 @@ use std::fmt;
 use serde::Serialize;
 
 use super::traced::Traced;
-use crate::topology::{Octree, TileOrder};
+use crate::tile_order::TileOrder;
+use crate::tracer::octree::Octree;
 
 /// How a figure came about. Local memories are fully associative and LRU, tiles interleaved, unless it says otherwise.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -5,10 +5,11 @@ use serde::Serialize;
 use super::conditions::Conditions;
 use super::published;
 use super::traced::Traced;
+use crate::machine::specification::{Bus, MemorySize, Processor};
 use crate::replay::contention_table::{ContentionTable, contention_table};
 use crate::replay::setting::{Assignment, Policy, Setting};
 use crate::replay::{Trace, TraceError};
-use crate::topology::{Bus, MemorySize, Processor, TileOrder};
+use crate::tile_order::TileOrder;
 
 /// The smallest memory of Table 1.
 pub const SMALLEST: MemorySize = published::share(32);

@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
+use crate::database::records::LEVELS;
 use crate::database::verify::Verified;
 use crate::ids::TileId;
 use crate::picture::{AovSet, Tiling};
 use crate::tracer::octree::census::Census;
 use crate::tracer::slices::Slices;
-use crate::tracer::stats::LEVELS;
 use crate::tracer::{TileTracer, TraceStats, View};
 
 /// Floating point operations of a step to an octree node: the mid planes of three axes, two each.

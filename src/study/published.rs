@@ -1,7 +1,7 @@
 //! What the paper publishes, as numbers: M-P. Hébert, M. D. J. McNeill, B. Shah, R. L. Grimsdale, P. F. Lister,
 //! *MARTI, a Multiprocessor Architecture for Ray Tracing Images*, 1991. Figures 6 and 7 are curves without numbers.
 
-use crate::topology::MemorySize;
+use crate::machine::specification::MemorySize;
 
 /// Section 7: a cluster computes 2500 tiles of 5×5 pixels.
 pub const IMAGE_SIDE: u32 = 250;

@@ -1,11 +1,14 @@
 //! A small scene for tests: the gears at 40×40 pixels.
 
 use super::traced::{Run, Traced};
+use crate::machine::specification::{Arbiter, Bus, MemorySize, Processor};
 use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, Fallback, Prepared};
 use crate::replay::Captured;
 use crate::replay::setting::{Assignment, Policy, Setting};
-use crate::topology::{Arbiter, Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
+use crate::scene::SceneSource;
+use crate::tile_order::TileOrder;
+use crate::tracer::octree::Octree;
 
 pub(super) const TILING: Tiling =
     Tiling::new(Sides { width: 40, height: 40, tile_width: 5, tile_height: 5 }).expect("possible");

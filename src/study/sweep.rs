@@ -9,17 +9,19 @@ use super::page::{Figure, Page};
 use super::plot::{Axis, Chart, Series, Style};
 use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
+use crate::database::records::LEVELS;
 use crate::machine::stats::octree_class;
 use crate::picture::{ImageSettings, Sides, Tiling};
-use crate::preparation::{self, PreparationError};
+use crate::preparation::PreparationError;
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::grid::Grid;
 use crate::replay::setting::{Assignment, Policy, Setting};
 use crate::replay::{Trace, TraceError, parallel};
-use crate::topology::{self, Octree, Topology};
+use crate::tile_order;
+use crate::topology::Topology;
 use crate::tracer::RayKind;
+use crate::tracer::octree::Octree;
 use crate::tracer::octree::census::Census;
-use crate::tracer::stats::LEVELS;
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study sweep 1";
@@ -70,13 +72,14 @@ impl Sweep {
     /// # Errors
     /// The scene cannot be read or is too large, there is no room for its references, or a combination cannot be.
     pub fn study(topology: &Topology, grid: &Grid, timings: bool, tell: impl Fn(&str)) -> Result<Self, SweepError> {
-        let base = Setting { assignment: assignment(topology), ..Setting::recorded(topology) };
+        let base =
+            Setting { assignment: assignment(topology), ..Setting::recorded(&topology.cluster, topology.run.order) };
         let settings = grid.settings(base).map_err(SweepError::Grid)?;
         if settings.iter().any(|setting| setting.assignment == Assignment::Recorded) {
             return Err(SweepError::Grid("nothing is recorded: expected interleaved or on-demand".to_owned()));
         }
         tell(&format!("{}: tracing", topology.scene));
-        let prepared = preparation::prepare_topology(topology)?;
+        let prepared = topology.prepare()?;
         let ImageSettings { width, height, .. } = prepared.view.image;
         let tiling = topology.image.tiling(width, height).map_err(SweepError::Grid)?;
         let run = Run {
@@ -126,8 +129,8 @@ impl Sweep {
 
 fn assignment(topology: &Topology) -> Assignment {
     match topology.run.assignment {
-        topology::Assignment::OnDemand => Assignment::OnDemand,
-        topology::Assignment::Interleaved => Assignment::Interleaved,
+        tile_order::Assignment::OnDemand => Assignment::OnDemand,
+        tile_order::Assignment::Interleaved => Assignment::Interleaved,
     }
 }
 

@@ -5,6 +5,7 @@ use std::io;
 use super::kept::Kept;
 use crate::database::Layout;
 use crate::machine::references::{Event, RecordNumbers, Word};
+use crate::machine::specification::{Bus, Processor};
 use crate::machine::stats::MemoryStats;
 use crate::picture::Tiling;
 use crate::preparation::Prepared;
@@ -14,8 +15,8 @@ use crate::replay::detail::{Classes, Detail};
 use crate::replay::schedule::Schedule;
 use crate::replay::subject::DatabaseTrace;
 use crate::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
-use crate::topology::{Bus, Octree, Processor};
 use crate::tracer::RayKind;
+use crate::tracer::octree::Octree;
 
 /// References, and the database that they are of.
 #[derive(Clone, Debug)]
@@ -167,12 +168,12 @@ fn reads(
 mod tests {
     use super::*;
     use crate::database::Section;
+    use crate::machine::specification::MemorySize;
     use crate::machine::stats::{CLASSES, Counters, octree_class};
     use crate::replay::evaluation::{Evaluation, evaluate};
     use crate::replay::subject::Subject;
     use crate::study::{levels, sample};
-    use crate::topology::MemorySize;
-    use crate::topology::TileOrder;
+    use crate::tile_order::TileOrder;
 
     #[test]
     fn what_was_read_is_what_the_tracer_counted() {

@@ -6,15 +6,16 @@ use super::conditions::Conditions;
 use super::counts::Ratio;
 use super::traced::Traced;
 use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
+use crate::machine::specification::{LocalMemory, MemorySize, Replacement};
+use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::picture::Tiling;
-use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::count::Counters;
 use crate::replay::counts::{Counts, ratio};
 use crate::replay::curve::LruCurve;
 use crate::replay::schedule::Schedule;
 use crate::replay::subject::Subject;
 use crate::replay::{Trace, TraceError};
-use crate::topology::{LocalMemory, MemorySize, Replacement, TileOrder};
+use crate::tile_order::TileOrder;
 
 /// One cluster, with local memories of several sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,12 +1,43 @@
-//! In which order tiles are handed out. One file a policy; none changes the image.
+//! In which order tiles are handed out, and to which nodes. One file per order; none changes the image.
 
 mod morton;
 mod random;
 mod scanline;
 
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::ids::TileId;
 use crate::picture::Tiling;
-use crate::topology::TileOrder;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TileOrder {
+    /// Row by row from the top.
+    Scanline,
+    /// Along a Z-shaped curve, so that tiles handed out together lie together.
+    Morton,
+    /// Shuffled with the run's seed.
+    Random,
+}
+
+/// Its name in a topology file.
+impl fmt::Display for TileOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Assignment {
+    /// A node that asks gets the next tile: balanced, not reproducible.
+    OnDemand,
+    /// The i-th tile in order goes to node i mod nodes: counts are reproducible.
+    Interleaved,
+}
 
 /// Every tile of the image once. `seed` decides the random order alone.
 pub fn tiles(order: TileOrder, tiling: Tiling, seed: u64) -> Vec<TileId> {

@@ -14,9 +14,10 @@ use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
     ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
-use super::{Assignment, MemorySize, Replacement, TileOrder, Transactions};
+use crate::machine::specification::{self, MemorySize, Replacement, Transactions};
 use crate::picture::ImageSettings;
 use crate::scene::procedural::Kind;
+use crate::tile_order::{Assignment, TileOrder};
 
 /// A topology of marti: what is rendered, by how many processing nodes, through how much local memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -185,7 +186,7 @@ pub struct Octree {
 
 impl Default for Octree {
     fn default() -> Self {
-        let super::Octree { leaf_size, max_depth, mailbox } = super::Octree::DEFAULT;
+        let super::Octree { leaf_size, max_depth, mailbox } = crate::tracer::octree::Octree::DEFAULT;
         Self { leaf_size: LeafSize(leaf_size), max_depth: MaxDepth(max_depth), mailbox }
     }
 }
@@ -234,7 +235,7 @@ pub struct Processor {
 
 impl Default for Processor {
     fn default() -> Self {
-        super::Processor::DEFAULT.into()
+        specification::Processor::DEFAULT.into()
     }
 }
 
@@ -288,7 +289,7 @@ pub struct Bus {
 
 impl Default for Bus {
     fn default() -> Self {
-        super::Bus::DEFAULT.into()
+        specification::Bus::DEFAULT.into()
     }
 }
 

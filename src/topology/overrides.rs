@@ -106,9 +106,11 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
+    use crate::machine::specification::MemorySize;
+    use crate::scene::SceneSource;
     use crate::scene::SourceError;
     use crate::scene::procedural::{Kind, Procedural};
-    use crate::topology::{MemorySize, SceneSource, Topology};
+    use crate::topology::Topology;
 
     const FILE: &str = "\
         scene = { procedural = 'teapot', size = 3 }\n\

@@ -8,12 +8,12 @@ use glam::DVec3;
 use super::document::Document;
 use super::file::{self, File};
 use super::value::{Channel, Coordinate, Quantum, Seconds};
-use super::{
-    Arbiter, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Run, SceneSource, Topology,
-    prove_hosts,
-};
+use super::{Deadlines, Image, Run, Topology, prove_hosts};
+use crate::machine::specification::{Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor};
 use crate::picture::ImageSettings;
+use crate::scene::SceneSource;
 use crate::scene::{Camera, Light, SourceError};
+use crate::tracer::octree::Octree;
 
 type Result<T> = std::result::Result<T, SourceError>;
 
@@ -89,7 +89,7 @@ fn source(path: &Path, written: &file::Scene, document: &Document<'_>) -> Result
             let folder = path.parent().filter(|_| !document.is_overridden("scene.file"));
             Ok(SceneSource::File(folder.map_or_else(|| PathBuf::from(file), |folder| folder.join(file))))
         }
-        (None, Some(kind)) => SceneSource::procedural(kind, written.size)
+        (None, Some(kind)) => SceneSource::procedural(kind, written.size.map(|size| size.0))
             .map_err(|what| document.error(&["scene.size", "scene.procedural"], format!("scene.size: {what}"))),
     }
 }

@@ -40,10 +40,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::topology::{
-        Arbiter, Assignment, Bus, Cluster, Deadlines, Image, LocalMemory, MemorySize, Octree, Processor, Replacement,
-        Run, SceneSource, TileOrder, Transactions,
+    use crate::machine::specification::{
+        Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor, Replacement, Transactions,
     };
+    use crate::scene::SceneSource;
+    use crate::tile_order::{Assignment, TileOrder};
+    use crate::topology::{Deadlines, Image, Run};
+    use crate::tracer::octree::Octree;
 
     fn read(text: &[u8]) -> Result<Topology, SourceError> {
         Topology::from_source(&Source::from_bytes("t.toml", text), &[])

@@ -8,9 +8,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::MemorySize;
-use super::memory_size::BYTES_MAX;
+use crate::machine::specification::{BYTES_MAX, MemorySize};
 use crate::picture::ImageSettings;
+use crate::scene::procedural::SIZE_MAX;
 
 /// Which numbers a key accepts, both ends included.
 #[derive(Clone, Copy)]
@@ -157,7 +157,7 @@ quantity!(
 quantity!(
     /// Size factor of a procedural scene; each kind narrows it further.
     ProceduralSize(u32),
-    Range::integer(1.0, 1000.0)
+    Range::integer(1.0, SIZE_MAX as f64)
 );
 quantity!(
     /// World units.

@@ -9,7 +9,10 @@ use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
     ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
-use super::{Arbiter, Bus, Cluster, Image, Octree, Processor, Run, SceneSource, Topology};
+use super::{Image, Run, Topology};
+use crate::machine::specification::{Arbiter, Bus, Cluster, Processor};
+use crate::scene::SceneSource;
+use crate::tracer::octree::Octree;
 
 impl Topology {
     /// The resolved topology as TOML. The scene's path becomes absolute, so that the text may stand anywhere.

@@ -3,11 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::memory_port::RayKind;
-
-/// Deepest level an octree may have; the root's is 0.
-pub const MAX_DEPTH: u32 = 20;
-/// Levels that are counted apart.
-pub const LEVELS: usize = MAX_DEPTH as usize + 1;
+use crate::database::records::LEVELS;
 
 /// Counts of one tile, or summed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

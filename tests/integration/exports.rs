@@ -8,6 +8,7 @@ use std::process::Command;
 use marti::ids::ClusterId;
 use marti::machine::local_memory::Geometry;
 use marti::machine::replacement::{Clock, Fifo, Lru, Replacement};
+use marti::machine::specification::Transactions;
 use marti::recording::references::Recording;
 use marti::replay::count::{Replayer, Sum};
 use marti::replay::exporters::accesses::Surroundings;
@@ -18,7 +19,7 @@ use marti::replay::optimal::optimal;
 use marti::replay::setting::Setting;
 use marti::replay::timing::simulate_cluster;
 use marti::replay::{Lines, RecordLines, Trace};
-use marti::topology::Transactions;
+use marti::topology::recorded::open_references;
 use serde_json::Value;
 
 use crate::command::{TEAPOT, marti, python_with, stderr};
@@ -32,7 +33,7 @@ fn recorded(folder: &Path, nodes: u16) -> (Recording, Vec<u32>) {
     command.args(["run", TEAPOT, "--quiet", "--record", "references", "--set", &nodes, "--out"]).arg(folder);
     let output = command.args(["--set", "cluster.local_memory.size=1/8"]).output().expect("marti can be started");
     assert!(output.status.success(), "{}", stderr(&output));
-    let opened = Recording::open(folder).expect("a recording");
+    let opened = open_references(folder).expect("a recording");
     assert_eq!(opened.faults, Vec::<String>::new());
     let tiles = (0..opened.recording.tiles().len() as u32).collect();
     (opened.recording, tiles)
@@ -230,11 +231,11 @@ fn python_adds_up_a_chrome_trace_and_wave_forms() {
     }
     let out = tempfile::tempdir().expect("temporary folder");
     let (mut recording, _) = recorded(out.path(), 4);
-    let geometry = Geometry::new(&recording.topology.cluster.local_memory, &recording.layout).expect("as recorded");
-    let setting = Setting::recorded(&recording.topology);
+    let geometry = Geometry::new(&recording.conditions.cluster.local_memory, &recording.layout).expect("as recorded");
+    let setting = Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order);
     let (trace_path, waves_path) = (out.path().join("x.json"), out.path().join("x.vcd"));
     for transactions in [Transactions::Locked, Transactions::Split] {
-        recording.topology.cluster.bus.transactions = transactions;
+        recording.conditions.cluster.bus.transactions = transactions;
         let file = |path| BufWriter::new(File::create(path).expect("a file in a temporary folder"));
         let trace = ChromeTrace::new(file(&trace_path), 1000);
         trace.cluster(ClusterId(0), 4);

@@ -7,8 +7,8 @@ use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use marti::codec;
 use marti::ids::{ClusterId, Epoch};
+use marti::protocol::frame;
 use marti::protocol::hello::{Hello, HelloReply, Role, RunToken};
 
 use crate::command::marti;
@@ -22,7 +22,7 @@ fn strangers() -> BTreeMap<&'static str, Vec<u8>> {
     let hello = |change: fn(&mut Hello)| {
         let mut hello = Hello::new(Role::Master(ClusterId(0)), Epoch(0), token);
         change(&mut hello);
-        codec::encode(&hello, &[]).expect("a hello fits")
+        frame::encode(&hello, &[]).expect("a hello fits")
     };
     let whole = hello(|_| {});
     let half = whole[..whole.len() / 2].to_vec();
@@ -57,7 +57,7 @@ fn send(port: u16, bytes: &[u8]) -> (String, Duration) {
     let timed_out =
         ended.is_err_and(|e| matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut));
     assert!(!timed_out, "still connected after {PATIENCE:?}");
-    let said = match answer.get(4..).map(codec::decode::<HelloReply>) {
+    let said = match answer.get(4..).map(frame::decode::<HelloReply>) {
         Some(Ok((HelloReply::Refused(why), _))) => format!("refused: {why}"),
         Some(Ok((HelloReply::Welcome, _))) => panic!("a stranger was welcomed"),
         _ => "disconnected".to_owned(),

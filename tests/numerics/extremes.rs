@@ -3,9 +3,9 @@
 use glam::DVec3;
 use marti::database::verify::Verified;
 use marti::picture::ImageSettings;
-use marti::preparation::{Fallback, load, view};
+use marti::preparation::{Fallback, view};
+use marti::scene::SceneSource;
 use marti::scene::{Material, Placement, Scene, Sphere};
-use marti::topology::SceneSource;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::primary::PrimaryRays;
 use marti::tracer::ray::Ray;
@@ -17,7 +17,7 @@ const SIDE: u32 = 96;
 
 /// The bits of every pixel's first hit.
 fn first_hits(name: &str, placement: Placement) -> Vec<Option<(u32, u32)>> {
-    let mut scene = load(&name.parse::<SceneSource>().expect("a scene")).expect("it can be read");
+    let mut scene = name.parse::<SceneSource>().expect("a scene").load().expect("it can be read");
     scene.place(placement).expect("it stays finite");
     let image = |_: &_| Ok(ImageSettings { width: SIDE, height: SIDE, depth: 0, cutoff: 0.0 });
     let view = view(&scene, &Fallback::default(), image).expect("a view");

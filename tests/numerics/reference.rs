@@ -3,9 +3,9 @@
 use glam::DVec3;
 use marti::oracle::verify;
 use marti::picture::ImageSettings;
-use marti::preparation::{Fallback, load, view};
+use marti::preparation::{Fallback, view};
 use marti::scene::Placement;
-use marti::topology::SceneSource;
+use marti::scene::SceneSource;
 use marti::tracer::octree::{BuildParameters, build_database};
 
 const RAYS: u64 = 3000;
@@ -25,7 +25,7 @@ fn nothing_is_lost_or_made_up_in_the_reference_scenes() {
     for name in ["gears:2", "teapot:12", "balls:3", "tetra:6", "scenes/primitives.nff", "scenes/house.obj"] {
         for placement in PLACEMENTS {
             let source: SceneSource = name.parse().expect("a scene");
-            let mut scene = load(&source).expect("it can be read");
+            let mut scene = source.load().expect("it can be read");
             scene.place(placement).expect("it stays finite");
             let image = |_: &_| Ok(ImageSettings { width: 500, height: 500, depth: 0, cutoff: 0.0 });
             let view = view(&scene, &Fallback::default(), image).expect("a view");
@@ -48,7 +48,7 @@ fn nothing_is_lost_or_made_up_in_the_reference_scenes() {
 #[test]
 fn a_scene_of_some_ulps_loses_nothing() {
     for scale in [1e-4, 1e-6] {
-        let mut scene = load(&"tetra:3".parse::<SceneSource>().expect("a scene")).expect("it can be made");
+        let mut scene = "tetra:3".parse::<SceneSource>().expect("a scene").load().expect("it can be made");
         scene.place(Placement { scale, translation: 1e9 }).expect("it stays finite");
         let image = |_: &_| Ok(ImageSettings { width: 100, height: 100, depth: 0, cutoff: 0.0 });
         // The scene's own camera may have moved into its target.

@@ -56,7 +56,7 @@ fn view(scene: &Scene, side: u32) -> View {
 /// nodes. The octree is always built eagerly; lazy building, the case's other half, does not exist.
 #[test]
 fn depth_and_mailbox_do_not_change_the_image() {
-    let mut scene = "teapot:3".parse::<marti::topology::SceneSource>().map(|s| marti::preparation::load(&s));
+    let mut scene = "teapot:3".parse::<marti::scene::SceneSource>().map(|s| s.load());
     let scene = scene.as_mut().expect("a procedural scene").as_mut().expect("it can be made");
     let view = view(scene, 48);
     let mut images = [(8, 0), (8, 1), (8, 20), (1, 20)].into_iter().flat_map(|(leaf_size, max_depth)| {

@@ -13,7 +13,7 @@ use crate::replay::setting::{Assignment, Setting};
 use crate::replay::subject::Subject;
 use crate::replay::verify::verify;
 use crate::replay::{Lines, parallel};
-use crate::topology::TileOrder;
+use crate::tile_order::TileOrder;
 
 /// Records of which a list is the brute force.
 const LIST_RECORDS: u64 = 50_000;

@@ -18,11 +18,12 @@ use super::table::{Format, Table};
 use super::{Failure, print};
 use crate::outlet;
 use crate::progress::Parts;
-use crate::recording::references::{Opened, Recording};
+use crate::recording::references::Opened;
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::importers::{self, Imported};
 use crate::replay::setting::Setting;
 use crate::replay::subject::Subject;
+use crate::topology::recorded::open_references;
 
 /// Put recorded references through other memories, node counts and buses
 ///
@@ -90,9 +91,10 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
         return replay_imported(arguments, &import(&arguments.recording)?);
     }
     let Opened { recording, faults } =
-        Recording::open(&arguments.recording).map_err(|error| Failure::bad_input(error.to_string()))?;
+        open_references(&arguments.recording).map_err(|error| Failure::bad_input(error.to_string()))?;
     let damage = damage(&faults, arguments.partial)?;
-    let settings = arguments.settings(Setting::recorded(&recording.topology))?;
+    let settings =
+        arguments.settings(Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order))?;
     let (question, format) = (&arguments.question, arguments.format);
     match (question.origins, question.heat_map, question.export, &arguments.output) {
         (true, ..) => origins::print_origins(&recording, &settings, format)?,

@@ -9,7 +9,7 @@ pub use fixed_priority::FixedPriority;
 pub use round_robin::RoundRobin;
 
 use super::transaction::Initiator;
-use crate::topology;
+use crate::machine::specification;
 
 /// The oldest request of an initiator that waits for the bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -27,11 +27,11 @@ pub trait Arbiter: Send {
 }
 
 /// The arbiter that a topology names.
-pub fn new(arbiter: topology::Arbiter) -> Box<dyn Arbiter> {
+pub fn new(arbiter: specification::Arbiter) -> Box<dyn Arbiter> {
     match arbiter {
-        topology::Arbiter::Fifo => Box::new(Fifo),
-        topology::Arbiter::RoundRobin { quantum } => Box::new(RoundRobin::new(quantum)),
-        topology::Arbiter::FixedPriority => Box::new(FixedPriority),
+        specification::Arbiter::Fifo => Box::new(Fifo),
+        specification::Arbiter::RoundRobin { quantum } => Box::new(RoundRobin::new(quantum)),
+        specification::Arbiter::FixedPriority => Box::new(FixedPriority),
     }
 }
 
@@ -66,9 +66,9 @@ mod tests {
     fn a_topology_names_each() {
         let waiting = [Waiting { initiator: N0, arrival: 1 }, Waiting { initiator: N1, arrival: 0 }];
         for (named, first_two) in [
-            (topology::Arbiter::Fifo, [N1, N1]),
-            (topology::Arbiter::RoundRobin { quantum: 1 }, [N0, N1]),
-            (topology::Arbiter::FixedPriority, [N0, N0]),
+            (specification::Arbiter::Fifo, [N1, N1]),
+            (specification::Arbiter::RoundRobin { quantum: 1 }, [N0, N1]),
+            (specification::Arbiter::FixedPriority, [N0, N0]),
         ] {
             let mut arbiter = new(named);
             assert_eq!([arbiter.grant(&waiting), arbiter.grant(&waiting)], first_two.map(Some), "{named:?}");

@@ -1,7 +1,7 @@
 //! How large a local memory is, and how it is divided.
 
 use crate::database::Layout;
-use crate::topology;
+use crate::machine::specification;
 
 /// Fewer lines make no memory: the lines of a record alone would drive each other out.
 pub const LINES_MIN: u32 = 16;
@@ -40,7 +40,7 @@ impl Geometry {
     ///
     /// # Errors
     /// A value is out of its range, or there are fewer lines than ways.
-    pub fn new(memory: &topology::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
+    pub fn new(memory: &specification::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
         Self::of_image(memory, layout.image_bytes())
     }
 
@@ -48,7 +48,7 @@ impl Geometry {
     ///
     /// # Errors
     /// As of `new`.
-    pub fn of_image(memory: &topology::LocalMemory, image_bytes: u64) -> Result<Self, GeometryError> {
+    pub fn of_image(memory: &specification::LocalMemory, image_bytes: u64) -> Result<Self, GeometryError> {
         let line_bytes = memory.line;
         if !line_bytes.is_power_of_two() || !(16..=256).contains(&line_bytes) {
             return Err(GeometryError::Line(line_bytes));
@@ -70,21 +70,21 @@ impl Geometry {
         Ok(Self { line_bytes, image_lines, sets: lines / ways, ways })
     }
 
-    fn lines_asked(size: topology::MemorySize, line_bytes: u32, image_bytes: u64) -> Result<u64, GeometryError> {
+    fn lines_asked(size: specification::MemorySize, line_bytes: u32, image_bytes: u64) -> Result<u64, GeometryError> {
         let line = u64::from(line_bytes);
         match size {
-            topology::MemorySize::All => Ok((image_bytes / line).max(u64::from(LINES_MIN))),
-            topology::MemorySize::Share { numerator, denominator } => {
+            specification::MemorySize::All => Ok((image_bytes / line).max(u64::from(LINES_MIN))),
+            specification::MemorySize::Share { numerator, denominator } => {
                 if numerator == 0 || numerator > denominator {
                     return Err(GeometryError::Share { numerator, denominator });
                 }
                 let bytes = u128::from(image_bytes) * u128::from(numerator) / u128::from(denominator);
                 Ok((bytes as u64 / line).max(u64::from(LINES_MIN)))
             }
-            topology::MemorySize::Bytes(bytes) if bytes < u64::from(LINES_MIN) * line => {
+            specification::MemorySize::Bytes(bytes) if bytes < u64::from(LINES_MIN) * line => {
                 Err(GeometryError::TooSmall { bytes, line_bytes })
             }
-            topology::MemorySize::Bytes(bytes) => Ok(bytes / line),
+            specification::MemorySize::Bytes(bytes) => Ok(bytes / line),
         }
     }
 
@@ -101,15 +101,15 @@ impl Geometry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::MemorySize::{All, Bytes, Share};
+    use crate::machine::specification::MemorySize::{All, Bytes, Share};
 
     /// An image of so many granules of 256 bytes, all octree nodes.
     fn image(granules: u64) -> Layout {
         Layout::new([granules * 64, 0, 0, 0, 0, 0, 0, 0]).expect("small")
     }
 
-    fn memory(size: topology::MemorySize, line: u32, ways: Option<u32>) -> topology::LocalMemory {
-        topology::LocalMemory { size, line, ways, replacement: topology::Replacement::Lru }
+    fn memory(size: specification::MemorySize, line: u32, ways: Option<u32>) -> specification::LocalMemory {
+        specification::LocalMemory { size, line, ways, replacement: specification::Replacement::Lru }
     }
 
     #[test]

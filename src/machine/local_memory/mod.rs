@@ -19,9 +19,9 @@ use missing::{Missing, copy_overlap};
 
 use super::replacement::Replacement;
 use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
+use crate::database::records::MAX_DEPTH;
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::{Layout, Section};
-use crate::tracer::stats::MAX_DEPTH;
 use crate::tracer::{MemoryPort, RayKind};
 
 /// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.

@@ -4,8 +4,8 @@ use super::*;
 use crate::ids::Address;
 use crate::machine::cluster_memory::{AccessError, ClusterMemory};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random};
+use crate::machine::specification::{self, MemorySize};
 use crate::machine::transaction::FetchRequest;
-use crate::topology::{self, MemorySize};
 
 /// Records of each section; 40 materials of 48 bytes, and so on.
 const RECORDS: [u64; Section::COUNT] = [400, 150, 90, 30, 20, 140, 50, 40];
@@ -51,7 +51,7 @@ impl LineSource for Counting<'_> {
     }
 }
 
-fn counting<R: Replacement>(memory: &ClusterMemory, local: topology::LocalMemory) -> LocalMemory<R, Counting<'_>> {
+fn counting<R: Replacement>(memory: &ClusterMemory, local: specification::LocalMemory) -> LocalMemory<R, Counting<'_>> {
     let geometry = Geometry::new(&local, &layout()).expect("within ranges");
     LocalMemory::new(
         geometry,
@@ -76,12 +76,12 @@ fn read<P: MemoryPort>(port: &mut P, section: Section, index: u32) -> Result<Vec
     })
 }
 
-fn local(size: MemorySize, line: u32, ways: Option<u32>) -> topology::LocalMemory {
-    topology::LocalMemory { size, line, ways, replacement: topology::Replacement::Lru }
+fn local(size: MemorySize, line: u32, ways: Option<u32>) -> specification::LocalMemory {
+    specification::LocalMemory { size, line, ways, replacement: specification::Replacement::Lru }
 }
 
 /// Every record is the image's, and the counts are those of a directory alone given the same lines.
-fn check<R: Replacement>(local: topology::LocalMemory, reads: &[(usize, u32)]) -> Result<(), TestCaseError> {
+fn check<R: Replacement>(local: specification::LocalMemory, reads: &[(usize, u32)]) -> Result<(), TestCaseError> {
     let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
     let mut memory = counting::<R>(&cluster_memory, local);
     let mut directory = Directory::<R>::new(*memory.geometry(), 3);

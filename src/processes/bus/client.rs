@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use mio::net::TcpStream;
 
-use crate::codec::{self, Message};
 use crate::protocol::connection::read_buffer::{ReadBuffer, would_block};
 use crate::protocol::connection::{Fault, Peer, Socket};
+use crate::protocol::frame::{self, Message};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::MemoryRequest;
 
@@ -58,13 +58,13 @@ impl Client {
         }
         // The loader alone sends bulk bytes.
         let bytes_max = match self.peer.role {
-            Role::Manager => codec::frame_bytes_max::<MemoryRequest>(),
+            Role::Manager => frame::frame_bytes_max::<MemoryRequest>(),
             _ => MemoryRequest::BYTES_MAX,
         };
         loop {
             if let Some(bytes) = self.input.whole_frame(bytes_max)? {
                 self.wire_bytes += bytes as u64;
-                return Ok(Some(codec::decode(self.input.take(bytes))?));
+                return Ok(Some(frame::decode(self.input.take(bytes))?));
             }
             if !self.readable {
                 return Ok(None);

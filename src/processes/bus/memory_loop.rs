@@ -12,10 +12,10 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::client::Client;
 use super::state::{Refusal, State, initiator};
-use crate::codec;
+use crate::machine::totals::{BusTotals, LostAttempt};
 use crate::machine::transaction::Initiator;
 use crate::protocol::connection::{Fault, Peer, Socket};
-use crate::protocol::control::{BusTotals, LostAttempt};
+use crate::protocol::frame;
 use crate::protocol::memory::MemoryReply;
 use crate::pulse::Beacon;
 use crate::recording::{RecordingError, Writer};
@@ -266,7 +266,7 @@ impl MemoryLoop {
             return;
         };
         let reply = MemoryReply::Refused(refusal.to_string());
-        if codec::encode_into(&reply, &mut client.output, |_| ()).is_ok() {
+        if frame::encode_into(&reply, &mut client.output, |_| ()).is_ok() {
             // The peer is dropped either way.
             let _ = client.flush();
         }

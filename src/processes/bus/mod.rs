@@ -21,8 +21,9 @@ use super::bootstrap::{StartError, live};
 use super::folder_claim::ClaimError;
 use super::{Child, ControlLink};
 use crate::ids::Epoch;
+use crate::machine::totals::BusTotals;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
-use crate::protocol::control::{BusCommand, BusConfiguration, BusReport, BusTotals};
+use crate::protocol::control::{BusCommand, BusConfiguration, BusReport};
 use crate::pulse::Pulse;
 use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
 

@@ -4,14 +4,15 @@
 
 use bytes::Bytes;
 
-use crate::codec;
 use crate::database::Layout;
 use crate::ids::Epoch;
 use crate::machine::arbiter;
 use crate::machine::bus::{Bus, Grant, QueueFull};
 use crate::machine::cluster_memory::{AccessError, ClusterMemory};
+use crate::machine::totals::{BusTotals, LostAttempt};
 use crate::machine::transaction::{FetchRequest, Initiator, Request, Transaction};
-use crate::protocol::control::{BusConfiguration, BusTotals, LostAttempt};
+use crate::protocol::control::BusConfiguration;
+use crate::protocol::frame;
 use crate::protocol::hello::Role;
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 
@@ -201,7 +202,7 @@ fn move_data(memory: &mut ClusterMemory, request: &Request, out: &mut Vec<u8>) -
 
 /// Replies are short, and their bulk bytes were checked when they were asked for.
 fn encode(reply: &MemoryReply, out: &mut Vec<u8>, append_bulk: impl FnOnce(&mut Vec<u8>)) {
-    codec::encode_into(reply, out, append_bulk).expect("a reply of the bus is within its limits");
+    frame::encode_into(reply, out, append_bulk).expect("a reply of the bus is within its limits");
 }
 
 fn name(message: &MemoryRequest) -> &'static str {
@@ -217,11 +218,11 @@ fn name(message: &MemoryRequest) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::PREFIX_BYTES;
     use crate::database::Section;
     use crate::ids::{Address, Attempt, ClusterId, NodeId, TileId};
+    use crate::machine::specification::Arbiter;
     use crate::machine::transaction::Kind;
-    use crate::topology::Arbiter;
+    use crate::protocol::frame::PREFIX_BYTES;
 
     const NODE: Initiator = Initiator::Node(NodeId(1));
 
@@ -241,7 +242,7 @@ mod tests {
         let (reply, _) =
             exchange(&mut state, Initiator::Loader, MemoryRequest::Store { address: Address(0) }, &image())
                 .expect("in order");
-        assert_eq!(codec::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Stored, &[][..])));
+        assert_eq!(frame::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Stored, &[][..])));
         state
     }
 
@@ -277,7 +278,7 @@ mod tests {
         let mut state = loaded(Arbiter::Fifo);
         let (reply, row) = exchange(&mut state, NODE, fetch(256, 64, 0b1011), &[]).expect("good");
         let expected = [&image()[256..384], &image()[448..512]].concat();
-        assert_eq!(codec::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Data { bytes: 192 }, &expected[..])));
+        assert_eq!(frame::decode(&reply[PREFIX_BYTES..]), Ok((MemoryReply::Data { bytes: 192 }, &expected[..])));
         assert_eq!((row.kind, row.sequence, row.epoch, row.bytes), (Kind::Fetch, 1, Epoch(2), 192));
         assert_eq!((row.node, row.tile, row.attempt), (Some(NodeId(1)), Some(TileId(4)), Some(Attempt(1))));
         assert_eq!(row.crc32c, Some(crc32c::crc32c(&expected)));

@@ -7,15 +7,15 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::codec;
 use crate::database::{Layout, Section};
 use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::keys::{Authority, Identity, RoleKind, Validity};
+use crate::machine::specification::Arbiter;
+use crate::machine::totals::LostAttempt;
 use crate::protocol::connection::{BlockingConnection, Fault, Tls};
-use crate::protocol::control::LostAttempt;
+use crate::protocol::frame;
 use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
-use crate::topology::Arbiter;
 
 type Connection = BlockingConnection<MemoryRequest, MemoryReply>;
 
@@ -305,7 +305,7 @@ fn a_peer_that_stops_reading_is_dropped_and_holds_up_nobody() {
 fn garbage_after_the_hello_is_named() {
     let mut bus = TestBus::start();
     let hello =
-        codec::encode(&Hello::new(Role::Node(NodeId(9)), Epoch(0), TOKEN.of(Role::Node(NodeId(9)), Epoch(0))), &[])
+        frame::encode(&Hello::new(Role::Node(NodeId(9)), Epoch(0), TOKEN.of(Role::Node(NodeId(9)), Epoch(0))), &[])
             .expect("short");
     for (garbage, expected) in [(&[0xff; 8][..], "at most 64"), (&[0, 0, 0, 2, 9, 9], "not a MemoryRequest")] {
         let mut stream = std::net::TcpStream::connect(bus.address).expect("listening");

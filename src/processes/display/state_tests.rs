@@ -277,7 +277,7 @@ fn tiles_of_more_processes_than_can_be_reported_are_rendered_again() {
     assert_eq!(holdings.shares.len(), PRODUCERS_MAX);
     assert!(!holdings.tiles.contains(TileId(PRODUCERS_MAX as u32)));
     let report = DisplayReport::Restored(holdings);
-    crate::codec::encode(&report, &[]).expect("fits a message");
+    crate::protocol::frame::encode(&report, &[]).expect("fits a message");
 }
 
 #[test]

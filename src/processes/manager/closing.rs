@@ -8,6 +8,7 @@ use super::state::State;
 use crate::database::Layout;
 use crate::ids::NodeId;
 use crate::machine::local_memory::Geometry;
+use crate::machine::specification::MemorySize;
 use crate::machine::stats::MemoryStats;
 use crate::preparation::Prepared;
 use crate::protocol::control::Packets;
@@ -16,7 +17,7 @@ use crate::report::{
     Bus, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests,
     Tiles,
 };
-use crate::topology::{MemorySize, Topology};
+use crate::topology::Topology;
 use crate::tracer::octree::census::Census;
 
 /// What is known of a run before it begins.

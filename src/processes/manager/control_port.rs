@@ -12,10 +12,10 @@ use tokio::time::timeout;
 use super::places::Places;
 use super::process::{Command, ProcessId, Report};
 use super::state::Event;
-use crate::codec::Message;
 use crate::ids::Epoch;
 use crate::protocol::connection::{Connection, ConnectionError, Credentials, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{self, BusCommand, DisplayCommand, MasterCommand, NodeCommand};
+use crate::protocol::frame::Message;
 use crate::protocol::hello::Role;
 use crate::topology::Placement;
 

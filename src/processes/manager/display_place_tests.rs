@@ -5,9 +5,8 @@ use super::process::{Command, ProcessId, Report};
 use super::state::{Action, Event};
 use super::state_tests::{BUS, DISPLAY, MASTER, Stage, address, finish_display, granted, holdings, node};
 use crate::ids::Epoch;
-use crate::protocol::control::{
-    BusReport, BusTotals, DisplayCommand, DisplayReport, MasterReport, MasterTotals, NodeCommand,
-};
+use crate::machine::totals::{BusTotals, MasterTotals};
+use crate::protocol::control::{BusReport, DisplayCommand, DisplayReport, MasterReport, NodeCommand};
 
 #[test]
 fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {

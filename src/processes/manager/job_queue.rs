@@ -4,10 +4,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use crate::ids::{Attempt, ClusterId, NodeId, Producer, TileId};
+use crate::machine::specification::{Cluster, MemorySize};
+use crate::machine::totals::LostAttempt;
 use crate::picture::Tiling;
-use crate::protocol::control::{LostAttempt, TileGrant};
+use crate::protocol::control::TileGrant;
 use crate::tile_order;
-use crate::topology::{Assignment, Cluster, MemorySize, Run};
+use crate::tile_order::Assignment;
+use crate::topology::Run;
 
 /// A tile is a straggler when it has been out for longer than this, and for longer than [`STRAGGLE_FACTOR`] times
 /// what tiles take on average.

@@ -4,7 +4,7 @@ use super::*;
 use crate::ids::{Epoch, RunId};
 use crate::picture::{Sides, Tiling};
 use crate::processes::manager::sample;
-use crate::topology::TileOrder;
+use crate::tile_order::TileOrder;
 
 const FIRST: ClusterId = ClusterId(0);
 const NOW: Duration = Duration::ZERO;

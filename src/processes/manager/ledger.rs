@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use crate::ids::{ClusterId, Epoch, Producer};
 use crate::machine::stats::{Counters, MemoryStats};
-use crate::protocol::control::{BusTotals, DisplayTotals, LostAttempt, MasterTotals, Packets};
+use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};
+use crate::protocol::control::{DisplayTotals, Packets};
 use crate::protocol::work::TileDone;
 use crate::report::Incident;
 use crate::tracer::TraceStats;

@@ -20,8 +20,8 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
-use crate::codec;
 use crate::protocol::control::Bootstrap;
+use crate::protocol::frame;
 
 /// Whoever calls `marti` may have told it to join somebody: that is not for its children.
 const JOIN_VARIABLE: &str = "MARTI_JOIN";
@@ -122,7 +122,7 @@ pub(super) async fn start(
     let group = child.id().and_then(|pid| i32::try_from(pid).ok()).map(Pid::from_raw);
     let group = group.ok_or_else(|| io::Error::other("it ended while it was started"))?;
     if let Some(mut stdin) = child.stdin.take() {
-        let frame = codec::encode(bootstrap, &[]).map_err(io::Error::other)?;
+        let frame = frame::encode(bootstrap, &[]).map_err(io::Error::other)?;
         // A child that does not read it has ended; its status says more. The frame fits the pipe's buffer.
         let _ = stdin.write_all(&frame).await;
     }

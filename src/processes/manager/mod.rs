@@ -57,14 +57,15 @@ use crate::chaos;
 use crate::ids::Epoch;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
+use crate::machine::specification::{Cluster, MemorySize};
 use crate::picture::{AovSet, ImageSettings};
-use crate::preparation::{PreparationError, prepare_topology};
+use crate::preparation::PreparationError;
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::mac::MacKey;
 use crate::report::{Image, Report, Status, json};
 use crate::telemetry::{self, TelemetryError};
-use crate::topology::{Cluster, MemorySize, Placement, Topology};
+use crate::topology::{Placement, Topology};
 use crate::tracer::View;
 
 /// More tiles than this are refused: each takes some 16 bytes here.
@@ -244,7 +245,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let faults = faults(&request)?;
     let opening = if request.resume { Opening::Resume } else { Opening::Anew { force: request.force } };
     let mut folder = OutputFolder::open(out, topology, opening)?;
-    let prepared = prepare_topology(topology)?;
+    let prepared = topology.prepare()?;
     let database = prepared.database.database();
     let ImageSettings { width, height, .. } = prepared.view.image;
     let tiling = topology.image.tiling(width, height).map_err(RunError::Tiling)?;
@@ -304,8 +305,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         faults,
     };
     let facts = closing::Facts::new(topology, &prepared, local_bytes);
-    let recorded =
-        request.record_references.then(|| recorded::seal(topology, &prepared, &scene_sha256, tiling, local_bytes));
+    let seal = || recorded::seal(topology, &prepared, &scene_sha256, tiling, local_bytes);
+    let recorded = request.record_references.then(seal).transpose().map_err(RunError::Output)?;
     let runtime = event_queue().map_err(|error| RunError::System { what: "descriptor", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.
     drop(prepared);

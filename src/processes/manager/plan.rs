@@ -7,6 +7,7 @@ use std::time::Duration;
 use crate::database::Header;
 use crate::ids::{ClusterId, Epoch, RunId};
 use crate::keys::RoleKind;
+use crate::machine::specification::Cluster;
 use crate::picture::{AovSet, Tiling};
 use crate::protocol::control::{
     BusCommand, BusConfiguration, DisplayCommand, DisplayConfiguration, MasterCommand, MasterConfiguration,
@@ -15,8 +16,9 @@ use crate::protocol::control::{
 use crate::protocol::hello::Role;
 use crate::protocol::mac::MacKey;
 use crate::recording::bus_log;
-use crate::topology::{Cluster, Host, Launch, Octree, Placement, Run};
+use crate::topology::{Host, Launch, Placement, Run};
 use crate::tracer::View;
+use crate::tracer::octree::Octree;
 
 #[derive(Clone, Debug)]
 pub(super) struct Plan {

@@ -9,28 +9,32 @@ use crate::ids::NodeId;
 use crate::machine::stats::MemoryStats;
 use crate::picture::Tiling;
 use crate::preparation::Prepared;
-use crate::recording::references::{Recording, Seal, octree_levels};
+use crate::recording::references::{Seal, octree_levels};
 use crate::replay::live;
 use crate::report::conservation::Check;
 use crate::topology::Topology;
+use crate::topology::recorded::open_references;
 
 /// What is known of a recording before the run begins.
+///
+/// # Errors
+/// The topology cannot be written as TOML.
 pub(super) fn seal(
     topology: &Topology,
     prepared: &Prepared,
     scene_sha256: &[u8; 32],
     tiling: Tiling,
     local_bytes: u64,
-) -> Seal {
+) -> io::Result<Seal> {
     let database = prepared.database.database();
-    Seal {
-        topology: topology.clone(),
+    Ok(Seal {
+        topology: topology.to_toml().map_err(io::Error::other)?,
         layout: database.header.layout.clone(),
         tiling,
         octree_levels: octree_levels(&prepared.database),
         scene_sha256: scene_sha256.iter().map(|byte| format!("{byte:02x}")).collect(),
         local_bytes,
-    }
+    })
 }
 
 /// Writes what holds for the whole recording, and replays it.
@@ -39,7 +43,7 @@ pub(super) fn seal(
 /// A file of the recording cannot be read or written; the error names it.
 pub(super) fn close(seal: &Seal, state: &State, folder: &Path) -> io::Result<Vec<Check>> {
     seal.put(folder, state.queue.missing(), |tile| state.queue.accepted(tile.tile) == Some(tile.attempt))?;
-    let opened = Recording::open(folder).map_err(io::Error::other)?;
+    let opened = open_references(folder).map_err(io::Error::other)?;
     let mut checks = vec![Check::new("faults of the recorded references = 0", opened.faults.len() as u64, 0)];
     let replayed = live::counts(&opened.recording).map_err(io::Error::other)?;
     let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());

@@ -8,9 +8,10 @@ use super::ending::Cause;
 use super::sample;
 use super::state::{Action, Event, State};
 use crate::ids::{Attempt, RunId, TileId};
+use crate::machine::specification::{Cluster, MemorySize};
 use crate::report::Incident;
 use crate::report::conservation::Conservation;
-use crate::topology::{Cluster, MemorySize, Run};
+use crate::topology::Run;
 
 /// The run that is rehearsed.
 pub(in crate::processes) const RUN: RunId = sample::RUN;

@@ -7,14 +7,14 @@ use glam::DVec3;
 use super::plan::Plan;
 use crate::database::{Header, Layout, Normalisation, Section};
 use crate::ids::RunId;
+use crate::machine::specification::{Bus, Cluster, LocalMemory, MemorySize, Processor, Replacement};
 use crate::picture::{AovSet, ImageSettings, Sides, Tiling};
 use crate::protocol::mac::MacKey;
 use crate::scene::Camera;
-use crate::topology::{
-    Assignment, Bus, Cluster, Deadlines, LocalMemory, MemorySize, Octree, Placement, Processor, Replacement, Run,
-    TileOrder,
-};
+use crate::tile_order::{Assignment, TileOrder};
+use crate::topology::{Deadlines, Placement, Run};
 use crate::tracer::View;
+use crate::tracer::octree::Octree;
 
 pub(super) const RUN: RunId = RunId(1);
 pub(super) const KEY: MacKey = MacKey::new([1; 32]);

@@ -10,9 +10,10 @@ use super::process::{Command, ProcessId, Report};
 use super::sample;
 use super::state::{Action, Event, State};
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};
 use crate::protocol::control::{
-    BusCommand, BusReport, BusTotals, DisplayCommand, DisplayReport, DisplayTotals, Holdings, LostAttempt,
-    MasterCommand, MasterReport, MasterTotals, NodeCommand, NodeReport, TileGrant,
+    BusCommand, BusReport, DisplayCommand, DisplayReport, DisplayTotals, Holdings, MasterCommand, MasterReport,
+    NodeCommand, NodeReport, TileGrant,
 };
 use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;

@@ -17,12 +17,13 @@ use tokio::time::{MissedTickBehavior, interval};
 use self::seat::NodeProcess;
 use self::state::{Action, Event, State};
 use crate::ids::NodeId;
+use crate::machine::totals::MasterTotals;
 use crate::processes::bootstrap::live;
 use crate::processes::{Child, ControlLink, StartError};
 use crate::protocol::connection::{
     Connection, ConnectionError, Fault, Listener, Peer, QueuedSender, Receiver, Sender, connect,
 };
-use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, MasterTotals};
+use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
 use crate::protocol::work::{WorkReply, WorkRequest};
@@ -48,6 +49,8 @@ pub enum MasterError {
     ManagerGone,
     #[error("the manager sent something else than a configuration")]
     NotConfigured,
+    #[error("the manager's configuration has {nodes} nodes from node {first} on, expected 1 or more, up to node 65535")]
+    NoSuchNodes { first: u16, nodes: u16 },
 }
 
 type Link = ControlLink<MasterCommand, MasterReport>;
@@ -77,9 +80,12 @@ async fn serve(child: &Child, link: &mut Link) -> Result<(), MasterError> {
     };
     let Role::Master(cluster) = child.bootstrap.role else { return Err(MasterError::NotConfigured) };
     let (NodeId(first), nodes) = (configuration.first_node, configuration.nodes);
+    let Some(last) = nodes.checked_sub(1).and_then(|more| first.checked_add(more)) else {
+        return Err(MasterError::NoSuchNodes { first, nodes });
+    };
     let listener = Listener::bind(child.interface(link.interface), child.credentials(), move |role, _| match role {
-        Role::Node(node) if (first..first + nodes).contains(&node.0) => Ok(()),
-        _ => Err(format!("one of nodes {first} to {}", first + nodes - 1)),
+        Role::Node(node) if (first..=last).contains(&node.0) => Ok(()),
+        _ => Err(format!("one of nodes {first} to {last}")),
     })
     .await?;
     let bus = connect(Role::Bus(cluster), configuration.bus, &child.introduction(), BUS_DEADLINE).await?;

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use super::seat::{Held, NodeProcess, Seat};
 use crate::ids::{Attempt, NodeId, TileId};
-use crate::protocol::control::{
-    LostAttempt, MasterCommand, MasterConfiguration, MasterReport, MasterTotals, TileGrant,
-};
+use crate::machine::totals::{LostAttempt, MasterTotals};
+use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES};
+use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, TileGrant};
 use crate::protocol::mac::{Claim, Mac, MacKey};
-use crate::protocol::memory::{END_OF_JOB_BYTES, JOB_BYTES, MemoryRequest};
+use crate::protocol::memory::MemoryRequest;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkRequest};
 
 /// Tiles a node that the master asks the manager for, waiting or handed out.

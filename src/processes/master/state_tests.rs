@@ -3,7 +3,7 @@
 use super::*;
 use crate::ids::Epoch;
 use crate::protocol::mac::Claim;
-use crate::topology::Assignment;
+use crate::tile_order::Assignment;
 use crate::tracer::TraceStats;
 
 const KEY: MacKey = MacKey::new([3; 32]);

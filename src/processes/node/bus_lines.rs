@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 use crate::ids::{Address, Attempt, ClusterId, TileId};
 use crate::machine::local_memory::LineSource;
 use crate::machine::transaction::FetchRequest;
+use crate::machine::transaction::PIXEL_BYTES;
 use crate::protocol::connection::{BlockingConnection, ConnectionError, Fault, Introduction};
 use crate::protocol::hello::Role;
-use crate::protocol::memory::{MemoryReply, MemoryRequest, PIXEL_BYTES};
+use crate::protocol::memory::{MemoryReply, MemoryRequest};
 
 /// For the bus to answer. It waits for its log, and for the requests of the other nodes.
 const BUS_DEADLINE: Duration = Duration::from_secs(10);

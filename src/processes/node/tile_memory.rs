@@ -7,13 +7,13 @@ use crate::ids::{Epoch, NodeId};
 use crate::machine::local_memory::{Geometry, GeometryError, LocalMemory, MemoryError};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Recorder};
 use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::machine::specification::{self, MemorySize};
 use crate::machine::stats::MemoryStats;
 use crate::picture::{AovSet, Pixels};
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::recording::RecordingError;
 use crate::recording::references::Writer;
-use crate::topology::{self, MemorySize};
 use crate::tracer::simd::Simd;
 use crate::tracer::wide::WideOctree;
 use crate::tracer::{TileTracer, TraceStats};
@@ -61,10 +61,10 @@ pub fn with<E: From<MemoryStartError>>(
     }
     let references = References::new(configuration, process).map_err(MemoryStartError::from)?;
     match local_memory.replacement {
-        topology::Replacement::Lru => serve(&mut Simulated::<Lru>::new(configuration, bus, references)?),
-        topology::Replacement::Fifo => serve(&mut Simulated::<Fifo>::new(configuration, bus, references)?),
-        topology::Replacement::Clock => serve(&mut Simulated::<Clock>::new(configuration, bus, references)?),
-        topology::Replacement::Random => serve(&mut Simulated::<Random>::new(configuration, bus, references)?),
+        specification::Replacement::Lru => serve(&mut Simulated::<Lru>::new(configuration, bus, references)?),
+        specification::Replacement::Fifo => serve(&mut Simulated::<Fifo>::new(configuration, bus, references)?),
+        specification::Replacement::Clock => serve(&mut Simulated::<Clock>::new(configuration, bus, references)?),
+        specification::Replacement::Random => serve(&mut Simulated::<Random>::new(configuration, bus, references)?),
     }
 }
 

@@ -31,7 +31,7 @@ use super::token;
 use crate::database::{Layout, Section};
 use crate::ids::ClusterId;
 use crate::machine::transaction::{Initiator, Kind, Transaction};
-use crate::preparation::{PreparationError, prepare_topology};
+use crate::preparation::PreparationError;
 use crate::protocol::connection::{ConnectionError, Credentials};
 use crate::protocol::hello::Role;
 use crate::recording::bus_log::{self, ReadError, Reader};
@@ -114,7 +114,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let credentials = Credentials::plain(token::read(&request.token).map_err(PlayError::Token)?);
     let topology = Topology::read(&request.recording.join("topology.toml"), &[])?;
     let log = open(request)?;
-    let prepared = prepare_topology(&topology)?;
+    let prepared = topology.prepare()?;
     let database = prepared.database.database();
     let image = database.bytes();
     check_layout(&log.metadata().layout, &database.header.layout)?;

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use super::child::{Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
 use crate::ids::{Attempt, TileId};
+use crate::machine::totals::BusTotals;
 use crate::processes::manager::process::{Command, Report};
-use crate::protocol::control::{BusCommand, BusReport, BusTotals};
+use crate::protocol::control::{BusCommand, BusReport};
 use crate::protocol::memory::MemoryRequest;
 
 #[derive(Debug)]

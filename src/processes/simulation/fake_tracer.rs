@@ -5,10 +5,10 @@ use std::time::Duration;
 use super::dice::hash;
 use crate::database::Section;
 use crate::ids::{Attempt, NodeId, TileId};
+use crate::machine::specification::MemorySize;
 use crate::machine::stats::{Counters, MemoryStats, section_class};
 use crate::picture::Pixels;
 use crate::protocol::work::TileDone;
-use crate::topology::MemorySize;
 use crate::tracer::TraceStats;
 
 /// Of the one pixel that a tile has.

@@ -7,10 +7,11 @@ use super::child::{BADLY, CONNECT_DEADLINE, Child, WELL};
 use super::network::{Message, Network, Parcel, Timer, Wire};
 use super::stopwatch::Stopwatch;
 
+use crate::machine::totals::MasterTotals;
 use crate::processes::manager::process::{Command, ProcessId, Report};
 use crate::processes::master::seat::NodeProcess;
 use crate::processes::master::state::{Action, Event, State};
-use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, MasterTotals};
+use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport};
 
 /// As the shell's.
 const TICK: Duration = Duration::from_millis(100);

@@ -10,6 +10,7 @@ use super::child::{BADLY, CONNECT_DEADLINE, Child, WELL};
 use super::fake_tracer;
 use super::network::{Message, Network, Parcel, Timer, Wire};
 use crate::ids::{Attempt, TileId};
+use crate::machine::specification::MemorySize;
 use crate::picture::Pixels;
 use crate::processes::manager::process::{Command, Report};
 use crate::processes::node::state::{Action, Event, Job, State, Traced};
@@ -17,7 +18,6 @@ use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport, Packe
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::Mac;
 use crate::protocol::work::WorkRequest;
-use crate::topology::MemorySize;
 use crate::tracer::simd::Simd;
 
 /// As the shell's.

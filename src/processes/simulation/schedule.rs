@@ -5,9 +5,11 @@ use std::time::Duration;
 
 use super::dice::Dice;
 use crate::ids::{ClusterId, NodeId};
+use crate::machine::specification::MemorySize;
 use crate::processes::manager::rehearsal::Play;
 use crate::protocol::hello::Role;
-use crate::topology::{Assignment, Deadlines, MemorySize, Run, TileOrder};
+use crate::tile_order::{Assignment, TileOrder};
+use crate::topology::{Deadlines, Run};
 
 #[derive(Clone, Debug)]
 pub struct Schedule {

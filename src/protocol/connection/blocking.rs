@@ -10,7 +10,7 @@ use super::handshake::{judge_reply, unless_tls};
 use super::read_buffer::{ReadBuffer, would_block};
 use super::socket::Socket;
 use super::{ConnectionError, Fault, Introduction, READ_BYTES, WRITE_DEADLINE};
-use crate::codec::{self, Message};
+use crate::protocol::frame::{self, Message};
 use crate::protocol::hello::{HELLO_BYTES_MAX, HelloReply, Role};
 
 /// Sends `Out`, receives `In`. One write and one read a round trip where the frames are small; nothing is
@@ -61,7 +61,7 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
             socket,
             peer: Arc::clone(peer),
             deadline,
-            outgoing: codec::encode(&introduction.hello, &[])?,
+            outgoing: frame::encode(&introduction.hello, &[])?,
             incoming: ReadBuffer::with_room(READ_BYTES),
             messages: PhantomData,
         };
@@ -80,7 +80,7 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     /// The peer is gone, does not read within [`WRITE_DEADLINE`], or the message is too long.
     pub fn send(&mut self, message: &Out, bulk: &[u8]) -> Result<(), ConnectionError> {
         self.outgoing.clear();
-        codec::encode_into(message, &mut self.outgoing, |out| out.extend_from_slice(bulk))
+        frame::encode_into(message, &mut self.outgoing, |out| out.extend_from_slice(bulk))
             .map_err(Fault::from)
             .and_then(|()| self.write_outgoing())
             .map_err(|fault| fault.of(&self.peer))
@@ -98,8 +98,8 @@ impl<Out: Message, In: Message> BlockingConnection<Out, In> {
     /// The peer is gone, is silent until the deadline, or what came is not such a message: nothing more
     /// can be received.
     pub fn receive(&mut self) -> Result<(In, &[u8]), ConnectionError> {
-        match self.await_frame(codec::frame_bytes_max::<In>(), In::NAME) {
-            Ok(bytes) => codec::decode(self.incoming.take(bytes)).map_err(|error| Fault::from(error).of(&self.peer)),
+        match self.await_frame(frame::frame_bytes_max::<In>(), In::NAME) {
+            Ok(bytes) => frame::decode(self.incoming.take(bytes)).map_err(|error| Fault::from(error).of(&self.peer)),
             Err(fault) => Err(fault.of(&self.peer)),
         }
     }

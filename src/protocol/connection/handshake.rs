@@ -12,9 +12,9 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::halves::Stream;
 use super::{Connection, ConnectionError, Credentials, Fault, Introduction, write_frame};
-use crate::codec::{self, CodecError, Message};
 use crate::ids::Epoch;
 use crate::keys::RoleKind;
+use crate::protocol::frame::{self, CodecError, Message};
 use crate::protocol::hello::{Hello, HelloPrelude, HelloReply, MAGIC, PROTOCOL_VERSION, Role};
 
 /// From accepting a connection until its hello is whole.
@@ -67,14 +67,14 @@ async fn introduce(
         Some(tls) => Stream::Tls(Box::new(tls.connect(role.kind(), stream).await?)),
     };
     let mut connection = Connection::new(stream, Arc::clone(peer))?;
-    write_frame(&mut connection.writer, codec::encode(&introduction.hello, &[])?.as_slice(), deadline).await?;
+    write_frame(&mut connection.writer, frame::encode(&introduction.hello, &[])?.as_slice(), deadline).await?;
     let frame = next_frame(&mut connection).await.map_err(unless_tls)?;
     judge_reply(&frame)?;
     Ok(connection)
 }
 
 pub(super) fn judge_reply(frame: &[u8]) -> Result<(), Fault> {
-    match codec::decode::<HelloReply>(frame)? {
+    match frame::decode::<HelloReply>(frame)? {
         (HelloReply::Welcome, _) => Ok(()),
         (HelloReply::Refused(why), _) => Err(Fault::RefusedUs(why)),
     }
@@ -134,7 +134,7 @@ pub async fn accept(
             Err(Fault::Refused(why)) => HelloReply::Refused(why.clone()),
             Err(fault) => HelloReply::Refused(fault.to_string()),
         };
-        let answered = write_frame(&mut connection.writer, codec::encode(&reply, &[])?.as_slice(), deadline).await;
+        let answered = write_frame(&mut connection.writer, frame::encode(&reply, &[])?.as_slice(), deadline).await;
         let hello = hello?;
         answered?;
         let peer = Peer { role: hello.role, epoch: hello.epoch, address };
@@ -151,14 +151,14 @@ fn judge(
     credentials: &Credentials,
     admits: impl Fn(Role, Epoch) -> Result<(), String>,
 ) -> Result<Hello, Fault> {
-    let prelude = codec::decode::<HelloPrelude>(frame);
+    let prelude = frame::decode::<HelloPrelude>(frame);
     let Ok((HelloPrelude { magic: MAGIC, version }, _)) = prelude else {
         return Err(Fault::Refused("expected the hello of a marti process".to_owned()));
     };
     if version != PROTOCOL_VERSION {
         return Err(Fault::Refused(format!("it speaks protocol version {version}, expected {PROTOCOL_VERSION}")));
     }
-    let (hello, _) = codec::decode::<Hello>(frame)?;
+    let (hello, _) = frame::decode::<Hello>(frame)?;
     if let Some(certified) = certified.filter(|certified| *certified != Some(hello.role.kind())) {
         let found = certified.map_or("no role", RoleKind::name);
         return Err(Fault::Refused(format!("it says that it is {}, its certificate is that of {found}", hello.role)));

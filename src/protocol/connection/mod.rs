@@ -37,7 +37,7 @@ pub use tls::Tls;
 
 use self::halves::{ReadHalf, Stream, WriteHalf};
 use super::hello::HELLO_BYTES_MAX;
-use crate::codec::{self, CodecError, Message};
+use crate::protocol::frame::{self, CodecError, Message};
 
 /// A frame that cannot be written within this time means a peer that no longer reads.
 pub const WRITE_DEADLINE: Duration = Duration::from_secs(10);
@@ -124,15 +124,15 @@ impl Decoder for FrameDecoder {
     type Error = Fault;
 
     fn decode(&mut self, received: &mut BytesMut) -> Result<Option<BytesMut>, Fault> {
-        let Some(bytes) = codec::frame_bytes(received, self.bytes_max)? else {
+        let Some(bytes) = frame::frame_bytes(received, self.bytes_max)? else {
             return Ok(None);
         };
-        let missing = (codec::PREFIX_BYTES + bytes).saturating_sub(received.len());
+        let missing = (frame::PREFIX_BYTES + bytes).saturating_sub(received.len());
         if missing > 0 {
             received.reserve(missing.min(READ_BYTES));
             return Ok(None);
         }
-        received.advance(codec::PREFIX_BYTES);
+        received.advance(frame::PREFIX_BYTES);
         Ok(Some(received.split_to(bytes)))
     }
 
@@ -173,7 +173,7 @@ impl Connection {
 
     /// The two directions of a conversation, whose frames may be as long as its messages allow.
     pub fn split<Out: Message, In: Message>(mut self) -> (Sender<Out>, Receiver<In>) {
-        self.frames.decoder_mut().bytes_max = codec::frame_bytes_max::<In>();
+        self.frames.decoder_mut().bytes_max = frame::frame_bytes_max::<In>();
         let sender = Sender {
             writer: self.writer,
             buffer: Vec::new(),
@@ -219,7 +219,7 @@ impl<M: Message> Sender<M> {
     /// As [`Self::send`].
     pub async fn send_with_bulk(&mut self, message: &M, bulk: impl Buf) -> Result<(), ConnectionError> {
         self.buffer.clear();
-        codec::encode_head(message, bulk.remaining(), &mut self.buffer)
+        frame::encode_head(message, bulk.remaining(), &mut self.buffer)
             .map_err(|error| Fault::from(error).of(&self.peer))?;
         let bytes = self.buffer.len() + bulk.remaining();
         let frame = self.buffer.as_slice().chain(bulk);
@@ -302,8 +302,8 @@ impl<M: Message> Receiver<M> {
             return Ok(None);
         };
         let mut frame = frame.map_err(|fault| fault.of(&self.peer))?;
-        self.wire_bytes += (codec::PREFIX_BYTES + frame.len()) as u64;
-        let (message, bulk) = codec::decode::<M>(&frame).map_err(|error| Fault::from(error).of(&self.peer))?;
+        self.wire_bytes += (frame::PREFIX_BYTES + frame.len()) as u64;
+        let (message, bulk) = frame::decode::<M>(&frame).map_err(|error| Fault::from(error).of(&self.peer))?;
         let message_bytes = frame.len() - bulk.len();
         frame.advance(message_bytes);
         Ok(Some((message, frame)))

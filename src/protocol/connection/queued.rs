@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc::{self, error::TrySendError};
 
 use super::{ConnectionError, Fault, Sender};
-use crate::codec::Message;
+use crate::protocol::frame::Message;
 
 /// The connection's direction ends after what was sent, when this is dropped.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 
 use super::Fault;
-use crate::codec::{self, CodecError};
+use crate::protocol::frame::{self, CodecError};
 
 /// Grows by what has arrived, never by what a length claims.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub struct ReadBuffer {
 impl ReadBuffer {
     /// Room for so many bytes before the first growth.
     pub fn with_room(bytes: usize) -> Self {
-        Self { bytes: vec![0; bytes.max(codec::PREFIX_BYTES)], start: 0, end: 0 }
+        Self { bytes: vec![0; bytes.max(frame::PREFIX_BYTES)], start: 0, end: 0 }
     }
 
     /// Bytes of the next frame, its length included, if it is whole.
@@ -26,14 +26,14 @@ impl ReadBuffer {
     /// It is longer than `bytes_max`, its length not included.
     pub fn whole_frame(&self, bytes_max: usize) -> Result<Option<usize>, CodecError> {
         let received = self.bytes.get(self.start..self.end).unwrap_or_default();
-        let bytes = codec::frame_bytes(received, bytes_max)?.map(|bytes| codec::PREFIX_BYTES + bytes);
+        let bytes = frame::frame_bytes(received, bytes_max)?.map(|bytes| frame::PREFIX_BYTES + bytes);
         Ok(bytes.filter(|&bytes| bytes <= received.len()))
     }
 
     /// Hands out a frame of so many bytes, its length included, as [`Self::whole_frame`] found it; what is
     /// returned is without its length.
     pub fn take(&mut self, bytes: usize) -> &[u8] {
-        let start = self.start + codec::PREFIX_BYTES;
+        let start = self.start + frame::PREFIX_BYTES;
         self.start = (self.start + bytes).min(self.end);
         self.bytes.get(start..self.start).unwrap_or_default()
     }

@@ -8,8 +8,8 @@ use tokio::net::{TcpListener, TcpStream};
 
 use super::handshake::HELLO_DEADLINE;
 use super::*;
-use crate::codec::encode;
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+use crate::protocol::frame::encode;
 use crate::protocol::hello::{Hello, HelloReply, PROTOCOL_VERSION, Role, RunToken};
 use crate::protocol::mac::Mac;
 use crate::protocol::work::{WorkReply, WorkRequest};

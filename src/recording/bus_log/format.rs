@@ -10,9 +10,9 @@ use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 
 use crate::database::{Layout, Section};
 use crate::ids::{ClusterId, Epoch};
+use crate::machine::specification::Arbiter;
 use crate::machine::transaction::{Kind, Transaction};
 use crate::recording::records_json;
-use crate::topology::Arbiter;
 
 /// Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
 pub const FORMAT_VERSION: u32 = 1;

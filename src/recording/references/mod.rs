@@ -3,6 +3,7 @@
 //! docs/recording.md tells how to read them. A node writes with [`Writer`]; the manager, when all is done, what holds
 //! for all of it ([`Sidecar`]); [`Recording`] reads both and is what is replayed.
 
+mod conditions;
 mod format;
 mod levels;
 mod reader;
@@ -17,6 +18,7 @@ use std::path::Path;
 use self::scan::Scan;
 use crate::database::Layout;
 
+pub use conditions::Conditions;
 pub use format::{FORMAT_VERSION, file_name};
 pub use levels::{LEVELS_NAME, octree_levels};
 pub use reader::{OpenError, Opened, Recording};

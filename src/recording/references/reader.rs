@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::scan::{Place, Scan};
-use super::{LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar, file_name};
+use super::{Conditions, LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar, file_name};
 use crate::database::{Layout, Section};
 use crate::ids::{Epoch, NodeId};
 use crate::machine::references::RecordNumbers;
@@ -13,8 +13,6 @@ use crate::machine::trace::{Trace, TraceError, TracedTile};
 use crate::picture::Tiling;
 use crate::recording::frames::ReadAt;
 use crate::regular_file;
-use crate::scene::source::Source;
-use crate::topology::Topology;
 
 /// Why a recording cannot be opened.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -32,7 +30,7 @@ pub struct Opened {
 /// References of a run, tile by tile. All of it was checked when it was opened; what is read is checked again.
 #[derive(Debug)]
 pub struct Recording {
-    pub topology: Topology,
+    pub conditions: Conditions,
     pub layout: Layout,
     pub tiling: Tiling,
     pub numbers: RecordNumbers,
@@ -51,18 +49,21 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the recording in a folder: that of the run, or its `recording`.
+    /// Opens the recording in a folder: that of the run, or its `recording`. `conditions` reads the text of the run's
+    /// topology.
     ///
     /// # Errors
     /// There is no recording of references, its sidecar cannot be understood, or nothing in it can be used.
-    pub fn open(folder: &Path) -> Result<Opened, OpenError> {
+    pub fn open(
+        folder: &Path,
+        conditions: impl FnOnce(&str) -> Result<Conditions, String>,
+    ) -> Result<Opened, OpenError> {
         let inner = folder.join("recording");
         let folder = if folder.join(SIDECAR_NAME).exists() || !inner.is_dir() { folder } else { &inner };
         let in_sidecar = |what: String| format!("{}: {what}", folder.join(SIDECAR_NAME).display());
         let named = |what: String| OpenError(in_sidecar(what) + &without_sidecar(folder));
         let (sidecar, fault) = Sidecar::read(folder).map_err(named)?;
-        let source = Source::from_bytes("references.json, topology", sidecar.topology.as_bytes());
-        let topology = Topology::from_source(&source, &[]).map_err(|error| named(error.to_string()))?;
+        let conditions = conditions(&sidecar.topology).map_err(named)?;
         let mut records = [0; Section::COUNT];
         for section in Section::ALL {
             let found = sidecar.records.get(section.name()).copied();
@@ -72,7 +73,7 @@ impl Recording {
         let layout = Layout::new(records).map_err(|error| named(error.to_string()))?;
         let mut opened = Opened {
             recording: Self {
-                topology,
+                conditions,
                 numbers: RecordNumbers::new(&layout),
                 layout,
                 tiling: sidecar.tiling,
@@ -165,7 +166,7 @@ impl Opened {
     }
 
     fn read_files(&mut self, folder: &Path, sidecar: &Sidecar) {
-        let nodes = self.recording.topology.cluster.all_nodes();
+        let nodes = self.recording.conditions.cluster.all_nodes();
         let mut last = None;
         for facts in &sidecar.files {
             let process = process_of(&facts.name).filter(|process| process.0.0 < nodes && last < Some(*process));

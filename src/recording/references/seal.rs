@@ -8,12 +8,12 @@ use super::{FORMAT_VERSION, FileFacts, LEVELS_NAME, LostTile, Sidecar, cut_torn_
 use crate::atomic_file;
 use crate::database::{Layout, Section};
 use crate::picture::Tiling;
-use crate::topology::Topology;
 
 /// What was recorded.
 #[derive(Clone, Debug)]
 pub struct Seal {
-    pub topology: Topology,
+    /// Of the run, as TOML.
+    pub topology: String,
     pub layout: Layout,
     pub tiling: Tiling,
     /// By block of eight octree words.
@@ -39,7 +39,7 @@ impl Seal {
             format_version: FORMAT_VERSION,
             marti_version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: self.scene_sha256.clone(),
-            topology: self.topology.to_toml().map_err(io::Error::other)?,
+            topology: self.topology.clone(),
             tiling: self.tiling,
             records: BTreeMap::from(records),
             local_bytes: self.local_bytes,

@@ -9,6 +9,7 @@ use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Word};
 use crate::machine::trace::Trace;
 use crate::picture::{Sides, Tiling};
+use crate::topology::recorded::open_references;
 use crate::tracer::RayKind;
 
 const TOPOLOGY: &str =
@@ -110,7 +111,7 @@ fn rows(recording: &Recording) -> Vec<Read> {
 fn what_is_written_is_read() {
     let folder = tempfile::tempdir().expect("a folder");
     record(folder.path());
-    let Opened { recording, faults } = Recording::open(folder.path()).expect("whole");
+    let Opened { recording, faults } = open_references(folder.path()).expect("whole");
     assert_eq!(faults, [""; 0]);
     let mut expected = Vec::new();
     for (node, epoch, tiles) in processes() {
@@ -123,7 +124,7 @@ fn what_is_written_is_read() {
     assert_eq!(recording.references, expected.iter().map(reads).sum::<u64>());
     assert_eq!((recording.layout, recording.tiling, recording.lost), (layout(), TILING, vec![LOST]));
     assert_eq!(recording.octree_levels, (0..10).collect::<Vec<u8>>());
-    assert_eq!(recording.topology.cluster.nodes, 2);
+    assert_eq!(recording.conditions.cluster.nodes, 2);
 }
 
 #[test]
@@ -133,7 +134,7 @@ fn full_parts_are_read_at_under_five_bytes_a_reference() {
     let tiles: Vec<Parts> = (0..6).map(|tile| (tile, 0, vec![full(tile), full(tile + 1), words(tile, 3)])).collect();
     write_process(folder.path(), 0, 0, &tiles);
     write_sidecar(folder.path(), Vec::new());
-    let Opened { recording, faults } = Recording::open(folder.path()).expect("whole");
+    let Opened { recording, faults } = open_references(folder.path()).expect("whole");
     assert_eq!(faults, [""; 0]);
     for (row, (.., parts)) in rows(&recording).iter().zip(&tiles) {
         assert_eq!(row.5, parts.concat());
@@ -146,7 +147,7 @@ fn full_parts_are_read_at_under_five_bytes_a_reference() {
 fn a_file_that_changes_after_it_was_opened_is_noticed() {
     let folder = tempfile::tempdir().expect("a folder");
     record(folder.path());
-    let recording = Recording::open(folder.path()).expect("whole").recording;
+    let recording = open_references(folder.path()).expect("whole").recording;
     let path = folder.path().join(file_name(NodeId(0), Epoch(0)));
     let mut bytes = fs::read(&path).expect("a file");
     let at = find(&bytes, bytemuck::cast_slice(&words(0, 20)));
@@ -172,7 +173,7 @@ fn a_torn_tail_is_cut_off_before_the_sidecar_is_written() {
         write_process(folder.path(), 1, 1, &processes()[2].2);
         fs::write(folder.path().join(&last), &bytes[..cut]).expect("a file");
         write_sidecar(folder.path(), vec![LOST]);
-        let Opened { recording, faults } = Recording::open(folder.path()).expect("some of it");
+        let Opened { recording, faults } = open_references(folder.path()).expect("some of it");
         // All that can be wrong is that tile 1 is not there; the process that died may have left no file at all.
         let expected = if rows(&recording).iter().any(|row| row.2 == 1) { 0 } else { 1 };
         assert_eq!(faults.len(), expected, "{cut}: {faults:?}");
@@ -195,7 +196,7 @@ fn names_in_a_sidecar_lead_nowhere_else() {
         let mut sidecar = sidecar.clone();
         sidecar.files[0].name.clone_from(&odd);
         sidecar.write(&folder).expect("written");
-        let Opened { recording, faults } = Recording::open(&folder).expect("node 1 is there");
+        let Opened { recording, faults } = open_references(&folder).expect("node 1 is there");
         assert!(faults[0].contains(&format!("{odd:?}, expected the files of processes of 2 nodes")), "{faults:?}");
         assert!(rows(&recording).iter().all(|row| row.0 == 1));
     }
@@ -232,7 +233,7 @@ impl Dice {
 fn random_damage_is_told_or_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     record(folder.path());
-    let sound = rows(&Recording::open(folder.path()).expect("whole").recording);
+    let sound = rows(&open_references(folder.path()).expect("whole").recording);
     let mut files: Vec<_> =
         processes().iter().map(|(node, epoch, _)| file_name(NodeId(*node), Epoch(*epoch))).collect();
     files.extend([SIDECAR_NAME.to_owned(), LEVELS_NAME.to_owned()]);
@@ -242,7 +243,7 @@ fn random_damage_is_told_or_changes_nothing() {
         let path = folder.path().join(&files[dice.below(files.len())]);
         let bytes = fs::read(&path).expect("a file");
         fs::write(&path, dice.damage(&bytes)).expect("a file");
-        match Recording::open(folder.path()) {
+        match open_references(folder.path()) {
             Err(_) => refused += 1,
             Ok(Opened { recording, faults }) if faults.is_empty() => {
                 assert_eq!(rows(&recording), sound, "{round}: {}", path.display());

@@ -1,7 +1,7 @@
 //! From counts to cycles.
 
 use crate::database::Section;
-use crate::topology::Processor;
+use crate::machine::specification::Processor;
 
 /// What a processor spends on a record that it reads: the access itself, and what it does with it. A read of an octree
 /// node is a step of the walk, one of a primitive is a test, one of a surface is a shading.

@@ -1,7 +1,7 @@
 //! How long the bus and the memory behind it take.
 
 use super::Cycle;
-use crate::topology::{Bus, Transactions};
+use crate::machine::specification::{Bus, Transactions};
 
 /// The times of a transaction of B bytes: a word for the address, the latency of the memory, then ⌈B / width⌉ words of
 /// data. Fetches and messages cost the same: a message is modelled as if it was answered.

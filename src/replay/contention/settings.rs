@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::topology::{Bus, Cluster};
+use crate::machine::specification::{Bus, Cluster};
 
 /// The part of a topology that decides times on the bus; what is computed meanwhile is the workload's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

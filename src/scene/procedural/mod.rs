@@ -32,6 +32,9 @@ pub use writer::write_nff;
 use super::{Camera, Light, Material, Polygon, Scene};
 use crate::atomic_file;
 
+/// No kind is larger; each narrows it further.
+pub const SIZE_MAX: u32 = 1000;
+
 /// Which procedural scene, and how large.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Procedural {

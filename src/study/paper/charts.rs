@@ -8,7 +8,7 @@ use crate::study::page::{Figure, Page};
 use crate::study::plot::{Axis, Chart, Series, Style};
 use crate::study::published;
 use crate::study::traffic::Traffic;
-use crate::topology::Octree;
+use crate::tracer::octree::Octree;
 
 /// Charts, then all tables.
 pub fn page(paper: &Paper) -> Page {

@@ -6,7 +6,7 @@ use super::{Paper, PaperError, PaperScene};
 use crate::replay::parallel;
 use crate::study::levels::{self, Deepest, Effort, Level};
 use crate::study::published;
-use crate::topology::Octree;
+use crate::tracer::octree::Octree;
 use crate::tracer::octree::census::Census;
 
 /// One octree.

@@ -23,11 +23,14 @@ use super::contention::{Contention, SMALLEST};
 use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
 use super::{conditions, published};
+use crate::machine::specification::{Bus, MemorySize, Processor};
 use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, Fallback, PreparationError, Prepared};
 use crate::replay::parallel;
+use crate::scene::SceneSource;
 use crate::scene::procedural::{Kind, Procedural};
-use crate::topology::{Bus, MemorySize, Octree, Processor, SceneSource, TileOrder};
+use crate::tile_order::TileOrder;
+use crate::tracer::octree::Octree;
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study paper 1";

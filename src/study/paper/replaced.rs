@@ -8,7 +8,8 @@ use crate::replay::setting::{Assignment, Policy, Setting};
 use crate::study::published;
 use crate::study::traced::Traced;
 use crate::study::traffic::TrafficError;
-use crate::topology::{Octree, TileOrder};
+use crate::tile_order::TileOrder;
+use crate::tracer::octree::Octree;
 
 /// One scene: a row a policy and size.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -3,12 +3,13 @@
 use std::fmt::Write;
 
 use super::Paper;
+use crate::machine::specification::MemorySize;
 use crate::study::conditions::Conditions;
 use crate::study::contention::Contention;
 use crate::study::counts::Ratio;
 use crate::study::published;
 use crate::study::traffic::Traffic;
-use crate::topology::{MemorySize, Octree};
+use crate::tracer::octree::Octree;
 
 const COLUMNS: &str = "part,scene,leaf_size,max_depth,line_bytes,nodes,local_memory,quantity,found,published\n";
 

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::{Figure1, GEARS, Paper, PaperScene, TEAPOT};
+use crate::machine::specification::{Arbiter, MemorySize, Transactions};
 use crate::picture::Sides;
 use crate::study::conditions::octree;
 use crate::study::contention::{Contention, SMALLEST};
@@ -10,7 +11,6 @@ use crate::study::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
 use crate::study::published;
 use crate::study::table::{Table, grouped, percent};
 use crate::study::traffic::{Size, Traffic};
-use crate::topology::{Arbiter, MemorySize, Transactions};
 
 /// Tables, each below what it shows and with which settings.
 pub fn text(paper: &Paper) -> String {

@@ -10,6 +10,7 @@ use super::mailbox::Mailbox;
 use super::prepared::Prepared;
 use crate::database::Header;
 use crate::database::Section;
+use crate::database::records::LEVELS;
 use crate::database::records::{OctreeNode, OctreeWord, PrimitiveId, Triangle};
 use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::memory_port::MemoryPort;
@@ -17,7 +18,7 @@ use crate::tracer::primitives::four_triangles::FourTriangles;
 use crate::tracer::primitives::triangle::TriangleHit;
 use crate::tracer::primitives::{cone, sphere};
 use crate::tracer::ray::{Ray, Source};
-use crate::tracer::stats::{LEVELS, TraceStats};
+use crate::tracer::stats::TraceStats;
 
 /// The nearest hit so far, or the end of the ray.
 struct Best {

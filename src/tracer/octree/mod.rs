@@ -9,6 +9,8 @@ mod octants;
 pub mod overlap;
 mod prepared;
 
+use serde::{Deserialize, Serialize};
+
 use crate::database::compile::{CompileError, Records, compile};
 use crate::database::verify::{Corrupt, Verified};
 use crate::scene::Scene;
@@ -20,6 +22,21 @@ pub struct BuildParameters {
     pub leaf_size: u32,
     /// Deepest level; the root's is 0.
     pub max_depth: u32,
+}
+
+/// How the octree is built. None of these changes the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Octree {
+    /// A leaf that holds more primitives than this is divided, 1 to 1024.
+    pub leaf_size: u32,
+    /// Deepest level, 0 to 20.
+    pub max_depth: u32,
+    /// Whether a primitive that stands in many leaves is tested once a ray.
+    pub mailbox: bool,
+}
+
+impl Octree {
+    pub const DEFAULT: Self = Self { leaf_size: 8, max_depth: 12, mailbox: true };
 }
 
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]

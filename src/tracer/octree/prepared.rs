@@ -2,9 +2,9 @@
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
+use crate::database::records::MAX_DEPTH;
 use crate::tracer::primitives::triangle::Shear;
 use crate::tracer::ray::Ray;
-use crate::tracer::stats::MAX_DEPTH;
 
 pub(super) struct Prepared<'a> {
     pub ray: &'a Ray,

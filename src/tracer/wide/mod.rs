@@ -193,8 +193,8 @@ mod tests {
     fn hits_are_those_of_the_single_ray_kernel_with_any_instructions() {
         let mut random = Pcg32::seed_from_u64(7);
         for scene in ["teapot:6", "gears:1", "balls:2", "tetra:4"] {
-            let scene = scene.parse::<crate::topology::SceneSource>().expect("a scene");
-            let scene = crate::preparation::load(&scene).expect("procedural");
+            let scene = scene.parse::<crate::scene::SceneSource>().expect("a scene");
+            let scene = scene.load().expect("procedural");
             for (leaf_size, max_depth) in [(8, 12), (1, 6), (40, 3)] {
                 let database = build_database(&scene, BuildParameters { leaf_size, max_depth }).expect("builds");
                 let octree = WideOctree::derive(&database);
@@ -227,10 +227,10 @@ mod tests {
 
     #[test]
     fn leaves_can_be_replaced_one_by_one() {
-        let scene = "balls:2".parse::<crate::topology::SceneSource>().expect("a scene");
-        let mut scene = crate::preparation::load(&scene).expect("procedural");
-        let teapot = "teapot:4".parse::<crate::topology::SceneSource>().expect("a scene");
-        let teapot = crate::preparation::load(&teapot).expect("procedural");
+        let scene = "balls:2".parse::<crate::scene::SceneSource>().expect("a scene");
+        let mut scene = scene.load().expect("procedural");
+        let teapot = "teapot:4".parse::<crate::scene::SceneSource>().expect("a scene");
+        let teapot = teapot.load().expect("procedural");
         (scene.polygons, scene.vertices, scene.normals) = (teapot.polygons, teapot.vertices, teapot.normals);
         scene.materials.extend(teapot.materials);
         let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");

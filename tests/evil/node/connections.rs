@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::time::Duration;
 
-use marti::codec;
 use marti::ids::{Attempt, Epoch, NodeId, TileId};
 use marti::protocol::control::NodeCommand;
+use marti::protocol::frame;
 use marti::protocol::hello::{HelloReply, Role};
 use marti::protocol::image::TilePixels;
 use marti::protocol::mac::Mac;
@@ -68,10 +68,10 @@ pub(crate) async fn slow(ground: &mut Ground) -> Outcome {
     let (role, frame) = match ground.mode {
         Mode::SlowDisplay => {
             let planes = messages::grey(ground.configuration.tiling, tile, ground.configuration.aov);
-            (Role::Display, codec::encode(&messages::pixels(tile, attempt, Mac::default(), &planes), &planes)?)
+            (Role::Display, frame::encode(&messages::pixels(tile, attempt, Mac::default(), &planes), &planes)?)
         }
-        Mode::SlowMaster => (ground.master(), codec::encode(&messages::told(tile, attempt), &[])?),
-        _ => (ground.bus(), codec::encode(&MemoryRequest::Pixels { tile, attempt, bytes: 3 }, &[])?),
+        Mode::SlowMaster => (ground.master(), frame::encode(&messages::told(tile, attempt), &[])?),
+        _ => (ground.bus(), frame::encode(&MemoryRequest::Pixels { tile, attempt, bytes: 3 }, &[])?),
     };
     let mut socket = ground.raw(role).await?;
     deed("sends a byte a second");

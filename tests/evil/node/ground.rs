@@ -3,11 +3,11 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use marti::codec::Message;
 use marti::ids::Epoch;
 use marti::processes::{Child, ControlLink};
 use marti::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, Socket, connect};
 use marti::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
+use marti::protocol::frame::Message;
 use marti::protocol::hello::Role;
 use marti::pulse::Pulse;
 

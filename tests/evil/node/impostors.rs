@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use marti::ids::{Address, Attempt, Epoch, NodeId, TileId};
+use marti::machine::transaction::JOB_BYTES;
 use marti::protocol::hello::Role;
-use marti::protocol::memory::{JOB_BYTES, MemoryReply, MemoryRequest};
+use marti::protocol::memory::{MemoryReply, MemoryRequest};
 use marti::protocol::work::{WorkReply, WorkRequest};
 use tokio::time::sleep;
 

@@ -1,8 +1,8 @@
 //! Pixels and completions of tiles that were not handed to this node.
 
-use marti::codec::Message;
 use marti::ids::{Attempt, TileId};
 use marti::protocol::connection::{Connection, Receiver};
+use marti::protocol::frame::Message;
 use marti::protocol::hello::Role;
 use marti::protocol::image::{ImageReply, TilePixels};
 use marti::protocol::mac::Mac;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::database::Section;
-use crate::topology::Cluster;
+use crate::machine::specification::Cluster;
 
 const WIDTHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const BOTH: [Transactions; 2] = [Transactions::Locked, Transactions::Split];
@@ -59,11 +59,11 @@ fn a_split_bus_overlaps_what_a_locked_one_does_not() {
 #[test]
 fn settings_and_costs_come_from_the_topology() {
     let processor = Processor { octree_node: 20, primitive_test: 60, shading: 200, local_access: 3 };
-    let local_memory = crate::topology::LocalMemory {
-        size: crate::topology::MemorySize::All,
+    let local_memory = crate::machine::specification::LocalMemory {
+        size: crate::machine::specification::MemorySize::All,
         line: 64,
         ways: None,
-        replacement: crate::topology::Replacement::Lru,
+        replacement: crate::machine::specification::Replacement::Lru,
     };
     let cluster = Cluster { count: 1, nodes: 9, processor, local_memory, bus: Bus { width: 8, ..Bus::DEFAULT } };
     let settings = ContentionSettings::from(&cluster);

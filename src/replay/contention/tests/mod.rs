@@ -10,8 +10,8 @@ use std::convert::Infallible;
 
 use super::*;
 use crate::ids::NodeId;
+use crate::machine::specification::{Arbiter, Bus, Processor, Transactions};
 use crate::machine::transaction::Kind;
-use crate::topology::{Arbiter, Bus, Processor, Transactions};
 
 fn settings(nodes: u16, bus: Bus) -> ContentionSettings {
     ContentionSettings { nodes, bus }

@@ -1,4 +1,4 @@
-//! Messages to bytes and back: the only file that names the codec crate, and all size limits.
+//! Messages to bytes and back: the only file that names the codec crate.
 //!
 //! A frame is a length (4 bytes, big-endian, of what follows), one message, and raw bulk bytes up to the
 //! frame's end. Bulk bytes (lines, pixels, uploads) never pass through the codec, which would take them
@@ -8,22 +8,12 @@ use bincode::config::{Configuration, Fixint, LittleEndian, standard};
 use bincode::serde::{decode_from_slice, encode_into_std_write};
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::protocol::control::{
-    Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
-    NodeReport,
-};
-use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloPrelude, HelloReply};
-use crate::protocol::image::{ImageReply, TilePixels};
-use crate::protocol::join::{JoinReply, JoinRequest};
-use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
-use crate::protocol::work::{WorkReply, WorkRequest};
-
 /// Bytes of a frame's length.
 pub const PREFIX_BYTES: usize = 4;
 
 const CONFIGURATION: Configuration<LittleEndian, Fixint> = standard().with_fixed_int_encoding();
 
-/// What may stand in a frame. Implemented here alone, so that every limit is in one table.
+/// What a frame may hold. Implemented by [`messages`] alone, beside each message.
 pub trait Message: Serialize + DeserializeOwned + Send + 'static {
     /// For errors.
     const NAME: &'static str;
@@ -40,48 +30,27 @@ pub trait Message: Serialize + DeserializeOwned + Send + 'static {
     fn decode_start(bytes: &[u8]) -> Result<(Self, usize), CodecError>;
 }
 
+/// Makes messages of types, with the most bytes of each and of the bulk bytes that may follow it.
 macro_rules! messages {
     ($($name:ident: $bytes_max:expr, bulk $bulk_bytes_max:expr;)*) => { $(
-        impl Message for $name {
+        impl $crate::protocol::frame::Message for $name {
             const NAME: &'static str = stringify!($name);
             const BYTES_MAX: usize = $bytes_max;
             const BULK_BYTES_MAX: usize = $bulk_bytes_max;
 
-            fn decode_start(bytes: &[u8]) -> Result<(Self, usize), CodecError> {
-                decode_from_slice(bytes, CONFIGURATION.with_limit::<{ $bytes_max }>())
-                    .map_err(|error| CodecError::Malformed { name: Self::NAME, why: error.to_string() })
+            fn decode_start(bytes: &[u8]) -> Result<(Self, usize), $crate::protocol::frame::CodecError> {
+                $crate::protocol::frame::decode_within::<Self, { $bytes_max }>(bytes)
             }
         }
     )* };
 }
 
-messages! {
-    // With keys and certificates; less than a pipe takes at once.
-    Bootstrap: 32 << 10, bulk 0;
-    // What follows it is the rest of the hello.
-    HelloPrelude: 12, bulk HELLO_BYTES_MAX - 12;
-    Hello: HELLO_BYTES_MAX, bulk 0;
-    HelloReply: HELLO_BYTES_MAX, bulk 0;
-    JoinRequest: 512, bulk 0;
-    JoinReply: HELLO_BYTES_MAX + 4, bulk 0;
-    BusCommand: 1 << 20, bulk 0;
-    BusReport: 64 << 10, bulk 0;
-    MasterCommand: 1 << 20, bulk 0;
-    MasterReport: 64 << 10, bulk 0;
-    // A scene may have many lights.
-    NodeCommand: 4 << 20, bulk 0;
-    NodeReport: 64 << 10, bulk 0;
-    DisplayCommand: 64 << 10, bulk 0;
-    // A bit a tile.
-    DisplayReport: 4 << 20, bulk 0;
-    MemoryRequest: 64, bulk BULK_BYTES_MAX as usize;
-    MemoryReply: 4 << 10, bulk BULK_BYTES_MAX as usize;
-    // Two words a counter, four counters a class and ray kind.
-    WorkRequest: 16 << 10, bulk 0;
-    WorkReply: 64, bulk 0;
-    // The display narrows this to the largest tile of its image.
-    TilePixels: 64, bulk u32::MAX as usize - 64;
-    ImageReply: 4 << 10, bulk 0;
+pub(super) use messages;
+
+/// The message at the start of `bytes`, for which at most `LIMIT` bytes are allocated.
+pub(super) fn decode_within<M: Message, const LIMIT: usize>(bytes: &[u8]) -> Result<(M, usize), CodecError> {
+    decode_from_slice(bytes, CONFIGURATION.with_limit::<LIMIT>())
+        .map_err(|error| CodecError::Malformed { name: M::NAME, why: error.to_string() })
 }
 
 /// Most bytes that may follow the length of a frame with such a message.
@@ -216,11 +185,16 @@ mod tests {
     use crate::ids::Producer;
     use crate::ids::{Address, Attempt, Epoch, NodeId, TileId};
     use crate::machine::stats::MemoryStats;
-    use crate::protocol::control::LostAttempt;
+    use crate::machine::totals::LostAttempt;
+    use crate::protocol::control::{BusCommand, DisplayReport, MasterReport, NodeCommand};
     use crate::protocol::control::{Holdings, PRODUCERS_MAX, Share, TileSet};
+    use crate::protocol::hello::{HELLO_BYTES_MAX, Hello, HelloReply};
     use crate::protocol::hello::{Role, RunToken};
+    use crate::protocol::image::TilePixels;
     use crate::protocol::mac::Mac;
+    use crate::protocol::memory::{MemoryReply, MemoryRequest};
     use crate::protocol::work::TileDone;
+    use crate::protocol::work::WorkRequest;
     use crate::tracer::TraceStats;
 
     fn fetch() -> MemoryRequest {

@@ -1,28 +1,33 @@
-//! A [`SceneSource`] as text: a path, or a procedural scene such as `teapot:12`.
+//! Where a scene comes from. As text: a path, or a procedural scene such as `teapot:12`.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::SceneSource;
-use super::value::ProceduralSize;
-use crate::scene::procedural::{Kind, Procedural, SizeError};
-use crate::scene::{self, Scene, SourceError};
+use super::procedural::{Kind, Procedural, SIZE_MAX, SizeError};
+use super::{Scene, SourceError, load};
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum SceneSource {
+    /// Resolved against the topology file's folder (or the working directory, for an override).
+    File(PathBuf),
+    Procedural(Procedural),
+}
 
 impl SceneSource {
     /// A procedural scene; without a size, its kind's default.
     ///
     /// # Errors
     /// The kind is not made in this size.
-    pub fn procedural(kind: Kind, size: Option<ProceduralSize>) -> Result<Self, SizeError> {
-        Procedural::new(kind, size.map(|size| size.0)).map(Self::Procedural)
+    pub fn procedural(kind: Kind, size: Option<u32>) -> Result<Self, SizeError> {
+        Procedural::new(kind, size).map(Self::Procedural)
     }
 
     /// # Errors
     /// What is wrong with the file.
     pub fn load(&self) -> Result<Scene, SourceError> {
         match self {
-            Self::File(path) => scene::load(path),
+            Self::File(path) => load(path),
             Self::Procedural(procedural) => Ok(procedural.scene()),
         }
     }
@@ -43,7 +48,7 @@ impl FromStr for SceneSource {
     fn from_str(text: &str) -> Result<Self, String> {
         let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
         if let Ok(kind) = before.parse() {
-            let size = size.map(str::parse).transpose().map_err(|expected| format!("size of {before}: {expected}"))?;
+            let size = size.map(|size| parse_size(before, size)).transpose()?;
             Self::procedural(kind, size).map_err(|error| error.to_string())
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
@@ -51,6 +56,11 @@ impl FromStr for SceneSource {
             Err(format!("expected a file ending in .nff or .obj, or {}, also with a size as in gears:2", Kind::LIST))
         }
     }
+}
+
+fn parse_size(kind: &str, size: &str) -> Result<u32, String> {
+    let number = size.parse().ok().filter(|size| (1..=SIZE_MAX).contains(size));
+    number.ok_or_else(|| format!("size of {kind}: expected an integer from 1 to {SIZE_MAX}"))
 }
 
 impl fmt::Display for SceneSource {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use super::MemorySize;
 
 /// No local memory is larger: 1 TiB.
-pub(super) const BYTES_MAX: u64 = 1 << 40;
+pub const BYTES_MAX: u64 = 1 << 40;
 
 /// From the largest, so that the first that divides a size is the shortest way to write it.
 const UNITS: [(&str, u64); 4] = [("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10), ("B", 1)];
