@@ -382,7 +382,8 @@ async fn a_master_or_display_that_breaks_the_conversation_is_named() {
             let (mut sender, mut receiver) = connection.split::<ImageReply, TilePixels>();
             receiver.receive_with_bulk().await.expect("whole frames");
             let _ = sender.send(&ImageReply::Refused("not with me".to_owned())).await;
-            receiver.receive_with_bulk().await
+            // A connection that ends with unread bytes takes the refusal with it.
+            while let Ok(Some(_)) = receiver.receive_with_bulk().await {}
         });
         let (_commands, node) = start_node(configuration).await;
         let error = ended(node).await.expect_err("broken").to_string();
