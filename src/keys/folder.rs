@@ -14,11 +14,24 @@ use crate::{regular_file, secret_file};
 const AUTHORITY_FILE: &str = "ca.pem";
 /// The authority's key. It makes certificates; no run needs it.
 const AUTHORITY_KEY_FILE: &str = "ca.key";
-pub(super) const FILE_BYTES_MAX: u64 = 64 << 10;
+const FILE_BYTES_MAX: u64 = 64 << 10;
 const OWNER_ONLY: u32 = 0o700;
 
-pub(super) fn role_file(kind: RoleKind) -> String {
+fn role_file(kind: RoleKind) -> String {
     format!("{kind}.pem")
+}
+
+impl Identity {
+    /// Reads the keys of a role from a folder that `marti keys new` made, or from that role's file alone.
+    ///
+    /// # Errors
+    /// The file is not there, others can read it, or what [`Certificate::check`] says.
+    pub fn read(path: &Path, kind: RoleKind) -> Result<Self, KeysError> {
+        let file = if path.is_dir() { path.join(role_file(kind)) } else { path.to_owned() };
+        let identity = Self { kind, pem: secret_file::read(&file, FILE_BYTES_MAX)? };
+        Certificate::of(&identity)?.check()?;
+        Ok(identity)
+    }
 }
 
 /// What there is to show of a folder.

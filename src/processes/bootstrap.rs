@@ -5,6 +5,7 @@ use std::future::Future;
 use std::io::{self, IsTerminal, Read};
 use std::mem::discriminant;
 use std::net::{IpAddr, SocketAddr};
+use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -16,7 +17,7 @@ use tokio::time::{MissedTickBehavior, interval};
 
 use crate::keys::KeysError;
 use crate::protocol::connection::{ConnectionError, Credentials, Introduction, Tls};
-use crate::protocol::control::{Bootstrap, Command, Report};
+use crate::protocol::control::Bootstrap;
 use crate::protocol::frame::{self, CodecError, PREFIX_BYTES};
 use crate::protocol::hello::{Hello, Role};
 use crate::pulse::{Beacon, Pulse};
@@ -25,7 +26,7 @@ use crate::telemetry::{self, TelemetryError};
 use super::event_queue::event_queue;
 use super::health::{self, Health, HealthError, Metric};
 use super::join::{self, JoinError, Origin};
-use super::{ControlLink, listening};
+use super::listening;
 
 /// The manager writes the bootstrap at once after spawning.
 const BOOTSTRAP_DEADLINE: Duration = Duration::from_secs(5);
@@ -118,14 +119,6 @@ impl Child {
         Credentials { tls: self.tls.clone(), ..Credentials::plain(self.bootstrap.token) }
     }
 
-    /// Dials the manager.
-    ///
-    /// # Errors
-    /// The manager does not answer, or refuses this process.
-    pub fn control<C: Command, R: Report>(&self) -> Result<ControlLink<C, R>, StartError> {
-        ControlLink::open(self)
-    }
-
     /// Notes that this process was asked to go: whatever becomes of its run, it joins no other.
     pub(super) fn leave(&self) {
         self.leaving.store(true, Ordering::Relaxed);
@@ -133,6 +126,17 @@ impl Child {
 
     pub fn is_leaving(&self) -> bool {
         self.leaving.load(Ordering::Relaxed)
+    }
+
+    /// Ends this process, whose manager is gone or that is stuck: at once, whatever its other threads do.
+    pub(super) fn end_at_once(&self) -> ! {
+        if self.is_leaving() {
+            process::exit(0);
+        }
+        if self.joined {
+            join::begin_anew();
+        }
+        process::exit(1)
     }
 
     /// Tells whoever looks after this machine: it is ready while its control connection stands.

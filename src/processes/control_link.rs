@@ -15,7 +15,6 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 use super::bootstrap::{Child, StartError};
 use super::event_queue::event_queue;
-use super::join;
 use crate::protocol::connection::{Connection, ConnectionError, Receiver, Sender, connect};
 use crate::protocol::control;
 use crate::protocol::frame::Message;
@@ -61,7 +60,7 @@ impl<Command: control::Command, Report: control::Report> ControlLink<Command, Re
     ///
     /// # Errors
     /// The manager does not answer within 5 s, or refuses this process; the system has no thread or no descriptor left.
-    pub(super) fn open(child: &Child) -> Result<Self, StartError> {
+    pub fn open(child: &Child) -> Result<Self, StartError> {
         let (command_sender, commands) = mpsc::channel(QUEUE_MAX);
         let (reports, report_receiver) = mpsc::channel(QUEUE_MAX);
         let (connected, connection) = sync_channel(1);
@@ -92,7 +91,7 @@ impl<Command: control::Command, Report: control::Report> ControlLink<Command, Re
                 must_end
             });
             if must_end {
-                join::end_at_once(&child);
+                child.end_at_once();
             }
         });
         let thread = thread.map_err(StartError::Thread)?;

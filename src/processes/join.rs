@@ -13,7 +13,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::event_queue::event_queue;
-use super::{Child, listening, token};
+use super::{listening, token};
 use crate::ids::Epoch;
 use crate::keys::Identity;
 use crate::protocol::connection::{Introduction, Tls, connect};
@@ -164,17 +164,6 @@ impl Pauses {
         self.next = (pause * 2).min(PAUSE_MAX);
         pause.mul_f64(0.5 + 0.5 * f64::from(self.random.next_u32()) / 2f64.powi(32))
     }
-}
-
-/// Ends a process whose manager is gone, or that is stuck: at once, whatever its other threads do.
-pub(super) fn end_at_once(child: &Child) -> ! {
-    if child.is_leaving() {
-        process::exit(0);
-    }
-    if child.joined {
-        begin_anew();
-    }
-    process::exit(1)
 }
 
 /// The same program with the same arguments in the place of this process, which has a clean slate then. Returns only

@@ -5,10 +5,12 @@
 
 pub mod batches;
 pub mod bus_log;
+mod error;
 pub mod frames;
 pub mod references;
 
-pub use bus_log::{FILE_NAME, FORMAT_VERSION, Metadata, RecordingError, SIDECAR_NAME, Sidecar, Summary, Writer};
+pub use bus_log::{FILE_NAME, FORMAT_VERSION, Metadata, SIDECAR_NAME, Sidecar, Summary, Writer};
+pub use error::RecordingError;
 
 use crate::database::{Layout, Section};
 

@@ -25,7 +25,8 @@ use crate::machine::totals::BusTotals;
 use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
 use crate::protocol::control::{BusCommand, BusConfiguration, BusReport};
 use crate::pulse::Pulse;
-use crate::recording::bus_log::{Metadata, ReadError, RecordingError, Writer};
+use crate::recording::RecordingError;
+use crate::recording::bus_log::{Metadata, ReadError, Writer};
 
 /// Incidents on their way from the loop to the manager.
 const INCIDENTS_MAX: usize = 64;
@@ -66,7 +67,7 @@ pub enum BusError {
 /// Anything that keeps the bus from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), BusError> {
     live(child, async {
-        let mut link = child.control()?;
+        let mut link = ControlLink::open(child)?;
         let outcome = serve(child, &mut link).await;
         let report = match &outcome {
             Ok(totals) => BusReport::Finished(*totals),

@@ -56,7 +56,7 @@ type Link = ControlLink<DisplayCommand, DisplayReport>;
 /// The manager is gone, there is no memory for the image, or image or journal cannot be written.
 pub fn run(child: &Child) -> Result<(), DisplayError> {
     live(child, async {
-        let mut link: Link = child.control()?;
+        let mut link: Link = ControlLink::open(child)?;
         let served = serve(&mut link, child).await;
         let last = match &served {
             Ok(totals) => DisplayReport::Finished(totals.clone()),

@@ -68,8 +68,6 @@ use crate::telemetry::{self, TelemetryError};
 use crate::topology::{Placement, Topology};
 use crate::tracer::View;
 
-/// More tiles than this are refused: each takes some 16 bytes here.
-
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct RunRequest {

@@ -61,7 +61,7 @@ type Link = ControlLink<MasterCommand, MasterReport>;
 /// The manager or the bus cannot be reached, or the manager is gone.
 pub fn run(child: &Child) -> Result<(), MasterError> {
     live(child, async {
-        let mut link: Link = child.control()?;
+        let mut link: Link = ControlLink::open(child)?;
         let served = serve(child, &mut link).await;
         if let Err(error) = &served {
             // An error means that the manager is gone.

@@ -4,6 +4,8 @@
 pub mod bus_lines;
 mod corruption;
 pub mod display_link;
+pub mod memory;
+mod simulated_memory;
 pub mod state;
 pub mod tile_memory;
 pub mod tracer_thread;
@@ -68,7 +70,7 @@ pub enum NodeError {
 /// Anything that keeps this node from going on; the manager was told.
 pub fn run(child: &Child) -> Result<(), NodeError> {
     live(child, async {
-        let mut link = child.control()?;
+        let mut link = ControlLink::open(child)?;
         let outcome = work(child, &mut link).await;
         let report = match &outcome {
             Ok(End::Finished) => NodeReport::Finished,

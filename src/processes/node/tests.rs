@@ -195,7 +195,7 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
     };
     let node = thread::spawn(|| {
         let child = Child::new(bootstrap, false).expect("no keys");
-        let mut link = child.control().expect("welcome");
+        let mut link = ControlLink::open(&child).expect("welcome");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
         let outcome = runtime.block_on(work(&child, &mut link)).map(drop);
         link.close();

@@ -11,8 +11,9 @@ use nix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc;
 
 use super::bus_lines::BusLines;
+use super::memory;
 use super::state::{Job, Traced};
-use super::tile_memory::{self, TileMemory};
+use super::tile_memory::TileMemory;
 use crate::picture::AovSet;
 use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};
@@ -65,7 +66,7 @@ fn trace_all(
     beacon.turn();
     let bus = BusLines::connect(configuration.cluster, configuration.bus, introduction)?;
     let Role::Node(node) = introduction.hello.role else { return Err("this process is no node".into()) };
-    tile_memory::with(configuration, (node, introduction.hello.epoch), bus, |memory| {
+    memory::with(configuration, (node, introduction.hello.epoch), bus, |memory| {
         let _ = say.blocking_send(FromTracer::Ready(memory.packets()));
         beacon.idle();
         for job in jobs {

@@ -15,4 +15,4 @@ mod damage_tests;
 pub use format::{FORMAT_VERSION, Metadata};
 pub use reader::{ReadError, Reader, Usable};
 pub use row_stream::{FILE_NAME, SIDECAR_NAME, Sidecar, folder, folder_of};
-pub use writer::{RecordingError, Summary, Writer};
+pub use writer::{Summary, Writer};

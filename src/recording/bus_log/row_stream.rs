@@ -9,10 +9,10 @@ use arrow_ipc::writer::StreamWriter;
 use serde::{Deserialize, Serialize};
 
 use super::format::{FORMAT_VERSION, Format, Metadata};
-use super::writer::RecordingError;
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
 use crate::patient_file::PatientFile;
+use crate::recording::RecordingError;
 use crate::{atomic_file, regular_file};
 
 /// The recording's name once it is whole.

@@ -4,17 +4,16 @@
 //! once, so that a bus that is killed loses only the rows it had not sent yet. No row is dropped: when
 //! the queue is full, who pushes waits, and the wait is counted.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-use arrow_schema::ArrowError;
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 
 use super::format::Metadata;
 use super::row_stream::{RowStream, Sidecar};
 use crate::machine::transaction::Transaction;
+use crate::recording::RecordingError;
 
 /// Most rows of a batch.
 pub(super) const BATCH_ROWS: usize = 8192;
@@ -24,19 +23,6 @@ const BATCH_NANOSECONDS: u64 = 500_000_000;
 const QUEUE_BATCHES: usize = 16;
 /// A file system that takes longer than this for what is in the queue counts as broken. Less than what a bus may be stuck.
 const DEADLINE: Duration = Duration::from_secs(15);
-
-/// Why a recording cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    #[error("cannot write {}: {source}", path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error("cannot write {}: {source}", path.display())]
-    Arrow { path: PathBuf, source: ArrowError },
-    #[error("{} was not written within {} s", path.display(), DEADLINE.as_secs())]
-    Stalled { path: PathBuf },
-    #[error("the thread that writes {} ended early", path.display())]
-    Ended { path: PathBuf },
-}
 
 /// What was recorded.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -151,7 +137,7 @@ impl Writer {
         };
         match sent {
             Ok(()) => Ok(()),
-            Err(true) => Err(RecordingError::Stalled { path: self.path.clone() }),
+            Err(true) => Err(RecordingError::Stalled { path: self.path.clone(), deadline: DEADLINE }),
             Err(false) => {
                 self.sender = None;
                 Err(self.result().err().unwrap_or_else(|| self.ended()))
@@ -163,7 +149,9 @@ impl Writer {
     fn result(&self) -> Result<Option<Sidecar>, RecordingError> {
         match self.result.recv_timeout(DEADLINE) {
             Ok(result) => result,
-            Err(error) if error.is_timeout() => Err(RecordingError::Stalled { path: self.path.clone() }),
+            Err(error) if error.is_timeout() => {
+                Err(RecordingError::Stalled { path: self.path.clone(), deadline: DEADLINE })
+            }
             Err(_) => Err(self.ended()),
         }
     }

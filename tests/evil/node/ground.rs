@@ -28,7 +28,7 @@ pub(crate) struct Ground {
 impl Ground {
     /// `None`: the run was over before it began.
     pub(crate) async fn reach(child: &Child, mode: Mode) -> Outcome<Option<Self>> {
-        let mut link = child.control()?;
+        let mut link = ControlLink::open(child)?;
         let configuration = loop {
             match link.commands.recv().await {
                 Some(NodeCommand::Configure(configuration)) => break *configuration,

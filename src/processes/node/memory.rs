@@ -1,0 +1,58 @@
+//! Which memory a node has: all of the database, or a local memory that is filled over the bus.
+
+use super::bus_lines::BusLines;
+use super::simulated_memory::{References, SimulatedMemory};
+use super::tile_memory::TileMemory;
+use super::whole_database::{self, PullError, WholeDatabase};
+use crate::ids::{Epoch, NodeId};
+use crate::machine::local_memory::GeometryError;
+use crate::machine::replacement::{Clock, Fifo, Lru, Random};
+use crate::machine::specification::{MemorySize, Replacement};
+use crate::protocol::control::NodeConfiguration;
+use crate::recording::RecordingError;
+use crate::tracer::simd::Simd;
+use crate::tracer::wide::WideOctree;
+
+/// Makes the memory that a topology asks for and gives it to `serve`.
+///
+/// # Errors
+/// The bus is lost, the database does not fit into this host's memory or is not sound, the size does not
+/// fit the database; or those of `serve`.
+pub fn with<E: From<MemoryStartError>>(
+    configuration: &NodeConfiguration,
+    process: (NodeId, Epoch),
+    mut bus: BusLines,
+    serve: impl FnOnce(&mut dyn TileMemory) -> Result<(), E>,
+) -> Result<(), E> {
+    let NodeConfiguration { header, view, local_memory, .. } = configuration;
+    if local_memory.size == MemorySize::All {
+        let database = whole_database::pull(header, &mut bus).map_err(MemoryStartError::from)?;
+        let octree = WideOctree::derive(&database);
+        return serve(&mut WholeDatabase::new(&octree, &database, view, Simd::best(), bus));
+    }
+    let references = References::new(configuration, process).map_err(MemoryStartError::from)?;
+    match local_memory.replacement {
+        Replacement::Lru => {
+            serve(&mut SimulatedMemory::<Lru>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
+        }
+        Replacement::Fifo => {
+            serve(&mut SimulatedMemory::<Fifo>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
+        }
+        Replacement::Clock => {
+            serve(&mut SimulatedMemory::<Clock>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
+        }
+        Replacement::Random => {
+            serve(&mut SimulatedMemory::<Random>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
+        }
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum MemoryStartError {
+    #[error(transparent)]
+    Pull(#[from] PullError),
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}

@@ -1,0 +1,262 @@
+//! The rules of ARCHITECTURE.md on who may import whom, as a test: what the code names is read by a parser.
+
+mod imports;
+mod planted;
+mod source;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use crate::imports::{Imports, cycles};
+use crate::source::{SourceFile, crate_files};
+
+fn project() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file of the library, in which a parent comes before its children.
+static LIBRARY: LazyLock<Vec<SourceFile>> = LazyLock::new(|| crate_files(project(), Path::new("src/lib.rs")));
+
+/// Names that a file must not have: `tokio` is all of that crate, `std::fs` that module, `Instant` and `.mul_add` are names from
+/// wherever they come, `println!` is a macro, `scope.spawn` a method of a variable of that name.
+fn breaches(files: &[SourceFile], folder: &str, forbidden: &[&str], but: &[&str]) -> Vec<String> {
+    let files =
+        files.iter().filter(|file| is_below(&file.path, folder) && !but.iter().any(|but| is_below(&file.path, but)));
+    let mut found = Vec::new();
+    for file in files {
+        for word in forbidden {
+            let is_word = word.contains(['.', '!']) || word.starts_with(char::is_uppercase);
+            if let Some(name) = file.names.iter().find(|name| name.is_in(word)) {
+                found.push(format!("{}:{} names `{name}`", file.path.display(), name.line));
+            } else if is_word && file.words.contains(word.trim_start_matches('.')) {
+                found.push(format!("{} names `{word}`", file.path.display()));
+            }
+        }
+    }
+    found
+}
+
+/// Whether a file is in a folder, or is the file of a module.
+fn is_below(path: &Path, folder: &str) -> bool {
+    path.starts_with(folder) || path == Path::new(&format!("{folder}.rs"))
+}
+
+/// No file in `folder`, but those named, names any of these.
+#[track_caller]
+fn forbid(folder: &str, forbidden: &[&str], but: &[&str], why: &str) {
+    assert!(LIBRARY.iter().any(|file| is_below(&file.path, folder)), "{folder} has no sources");
+    let found = breaches(&LIBRARY, folder, forbidden, but);
+    assert!(found.is_empty(), "{why}:\n{}", found.join("\n"));
+}
+
+/// The modules of ARCHITECTURE.md's code map, and the others that each may name.
+fn code_map(architecture: &str) -> BTreeMap<String, Vec<String>> {
+    let quoted = |text: &str| text.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    let mut map = BTreeMap::new();
+    for row in architecture.lines().filter(|line| line.starts_with("| `")) {
+        let columns: Vec<&str> = row.trim_matches('|').split('|').collect();
+        let [modules, _, may_know] = columns[..] else { continue };
+        for module in quoted(modules) {
+            let others = quoted(may_know).into_iter().filter(|other| *other != module).collect();
+            map.insert(module, others);
+        }
+    }
+    map
+}
+
+/// Names of modules of the crate that the code map does not allow where they are.
+fn upward(files: &[SourceFile], map: &BTreeMap<String, Vec<String>>) -> Vec<String> {
+    let mut found = Vec::new();
+    for file in files {
+        let Some(own) = file.module.get(1) else { continue };
+        let Some(allowed) = map.get(own) else {
+            found.push(format!("{}: `{own}` is not in the code map", file.path.display()));
+            continue;
+        };
+        for name in file.names.iter().filter(|name| name.path[0] == "crate" && name.path.len() > 1) {
+            let other = &name.path[1];
+            let is_module = files.iter().any(|file| file.module.get(1) == Some(other));
+            if is_module && other != own && !allowed.contains(other) {
+                found.push(format!("{}:{} names `{name}`", file.path.display(), name.line));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn a_module_names_those_that_the_code_map_allows() {
+    let architecture = fs::read_to_string(project().join("ARCHITECTURE.md")).expect("a file");
+    let map = code_map(&architecture);
+    let found = upward(&LIBRARY, &map);
+    assert!(found.is_empty(), "the code map of ARCHITECTURE.md does not allow it:\n{}", found.join("\n"));
+    for module in map.iter().flat_map(|(module, known)| known.iter().chain([module])) {
+        let exists = LIBRARY.iter().any(|file| file.module.get(1) == Some(module));
+        assert!(exists, "the code map names `{module}`, which is no module");
+    }
+    let mut order: Vec<&str> = Vec::new();
+    // Whatever may be known can be put below: the map itself has no circle.
+    while order.len() < map.len() {
+        let next = map.iter().find(|(module, known)| {
+            !order.contains(&module.as_str())
+                && known.iter().all(|known| order.contains(&known.as_str()) || !map.contains_key(known))
+        });
+        order.push(next.unwrap_or_else(|| panic!("the code map has a circle above {order:?}")).0);
+    }
+}
+
+/// Circles that stay, each with its reason.
+const CYCLES: [(&[&str], &str); 1] = [(
+    &[
+        "src/processes/manager/beginning.rs",
+        "src/processes/manager/cluster.rs",
+        "src/processes/manager/display_place.rs",
+        "src/processes/manager/ending.rs",
+        "src/processes/manager/state.rs",
+    ],
+    "one state in five files: it is to become machines that own their state",
+)];
+
+#[test]
+fn files_take_names_from_each_other_in_no_circle() {
+    let imports = Imports::of(&LIBRARY);
+    let expected: Vec<Vec<PathBuf>> =
+        CYCLES.iter().map(|(files, _)| files.iter().map(PathBuf::from).collect()).collect();
+    let found: Vec<_> = cycles(&imports.arrows()).into_iter().filter(|cycle| !expected.contains(cycle)).collect();
+    assert!(found.is_empty(), "{} circles:\n{found:#?}", found.len());
+}
+
+#[test]
+fn the_core_is_pure() {
+    let impure =
+        ["tokio", "mio", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
+    for core in ["src/tracer", "src/oracle", "src/machine", "src/replay/contention"] {
+        forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
+        let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
+        forbid(core, &outer, &[], "the core does not know who uses it");
+    }
+    forbid("src/tracer", &["crate::machine", "crate::topology"], &[], "the tracer reads through MemoryPort alone");
+    let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "verify", "reads", "captured"];
+    for model in models {
+        // Next uses are kept in an unnamed temporary file.
+        let forbidden = |word: &&str| model != "next_use" || *word != "std::fs";
+        let impure: Vec<&str> = impure.into_iter().filter(forbidden).collect();
+        let model = format!("src/replay/{model}.rs");
+        forbid(&model, &impure, &[], "a model of memories knows no sockets, no clock, no files");
+        forbid(&model, &["crate::processes", "crate::cli"], &[], "a model does not know who uses it");
+    }
+}
+
+#[test]
+fn a_journal_is_bytes_and_a_file() {
+    let outer = ["crate::processes", "crate::protocol", "crate::cli", "std::net", "SystemTime"];
+    forbid("src/journal", &outer, &[], "a journal does not know who appends to it");
+    forbid(
+        "src/journal",
+        &["std::fs", "Instant"],
+        &["src/journal/writer.rs", "src/journal/tests.rs"],
+        "a reader takes any bytes",
+    );
+}
+
+#[test]
+fn keys_are_files_alone() {
+    let outer = ["crate::processes", "crate::protocol", "crate::cli", "tokio", "std::net"];
+    forbid("src/keys", &outer, &[], "keys do not know who uses them");
+}
+
+#[test]
+fn replays_start_nothing() {
+    let outer = ["crate::processes", "crate::cli", "crate::study", "tokio", "std::net", "SystemTime", "Instant"];
+    forbid("src/replay", &outer, &[], "a replay reads a recording and counts");
+}
+
+#[test]
+fn faults_are_planned_here_and_carried_out_elsewhere() {
+    let impure = ["tokio", "std::net", "std::fs", "std::process", "SystemTime", "Instant", "getrandom", "nix"];
+    forbid("src/chaos", &impure, &[], "a schedule is told the time and what lives");
+    forbid("src/chaos", &["crate::processes", "crate::protocol", "crate::cli"], &[], "a schedule knows no process");
+}
+
+#[test]
+fn studies_replay_and_start_nothing() {
+    let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
+    forbid("src/study", &outer, &[], "a study is a function of its scenes");
+}
+
+#[test]
+fn no_process_imports_another() {
+    let processes = ["manager", "master", "node", "bus", "display", "player"];
+    for process in processes {
+        let others: Vec<String> = processes
+            .into_iter()
+            .filter(|other| *other != process)
+            .map(|other| format!("crate::processes::{other}"))
+            .collect();
+        let others: Vec<&str> = others.iter().map(String::as_str).collect();
+        forbid(&format!("src/processes/{process}"), &others, &[], "processes share meaning through protocol alone");
+    }
+}
+
+#[test]
+fn the_simulation_has_no_clock_and_nobody_knows_of_it() {
+    let real = ["tokio", "mio", "TcpStream", "Instant", "SystemTime", "std::fs", "std::thread", "std::process"];
+    forbid("src/processes/simulation", &real, &[], "time, network and processes of a simulation are numbers");
+    forbid(
+        "src",
+        &["crate::processes::simulation"],
+        &["src/processes/simulation"],
+        "a process does not know who rehearses it",
+    );
+}
+
+#[test]
+fn each_foreign_thing_has_its_place() {
+    forbid("src", &["bincode"], &["src/protocol/frame.rs"], "the wire codec is named in one file");
+    forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
+    forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
+    forbid(
+        "src",
+        &["rustls"],
+        &["src/protocol/connection", "src/keys"],
+        "only connections speak TLS, only keys are certified",
+    );
+    forbid("src", &["rcgen"], &["src/keys"], "certificates are made in one folder");
+    forbid("src", &["toml"], &["src/topology"], "only topologies are TOML");
+    forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
+    forbid("src", &[".mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
+}
+
+#[test]
+fn nothing_panics_where_standard_error_a_thread_or_a_descriptor_is_missing() {
+    // And what does not: outlet::say and cli::print, thread::Builder and event_queue::aside, event_queue::event_queue.
+    let panicking = ["eprintln!", "eprint!", "println!", "print!", "scope.spawn", ".spawn_blocking", ".lookup_host"];
+    let threads = ["std::thread::spawn", "thread::spawn"];
+    let words: Vec<&str> = panicking.into_iter().chain(threads).collect();
+    let why = "it may panic";
+    forbid("src", &words, &[], why);
+    forbid("src", &[".new_current_thread"], &["src/processes/event_queue.rs"], why);
+    for program in programs() {
+        let found = breaches(&[program], "bin", &words, &[]);
+        assert!(found.is_empty(), "{why}: {found:?}");
+    }
+}
+
+/// The five programs' files.
+fn programs() -> Vec<SourceFile> {
+    let entries = fs::read_dir(project().join("bin")).expect("a readable folder").map(|entry| entry.expect("an entry"));
+    let paths = entries.map(|entry| Path::new("bin").join(entry.file_name()));
+    paths.map(|path| crate_files(project(), &path).remove(0)).collect()
+}
+
+#[test]
+fn main_functions_are_short_and_files_have_one_noun() {
+    for program in programs() {
+        assert!(program.lines < 40, "{} has 40 lines or more", program.path.display());
+    }
+    for SourceFile { path, lines, .. } in LIBRARY.iter() {
+        assert!(*lines <= 500 || path.ends_with("teapot_patches.rs"), "{} has {lines} lines", path.display());
+    }
+}
