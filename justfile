@@ -37,6 +37,14 @@ engines:
 fuzz:
     fuzz/run
 
+# Instruction counts of the hot paths against those that are recorded: docs/performance.md.
+instructions:
+    cargo bench --bench instructions
+
+# Records them anew, with the reason: `just instructions-record "what changed"`.
+instructions-record reason:
+    cargo bench --bench instructions -- --record "{{ reason }}"
+
 # Benchmarks, not tests: they print ratios measured side by side.
 bench:
     cargo bench
