@@ -64,6 +64,7 @@ impl Recording {
         let named = |what: String| OpenError(in_sidecar(what) + &without_sidecar(folder));
         let (sidecar, fault) = Sidecar::read(folder).map_err(named)?;
         let conditions = conditions(&sidecar.topology).map_err(named)?;
+        let tiling = Tiling::try_from(sidecar.tiling).map_err(|error| named(error.to_string()))?;
         let mut records = [0; Section::COUNT];
         for section in Section::ALL {
             let found = sidecar.records.get(section.name()).copied();
@@ -76,7 +77,7 @@ impl Recording {
                 conditions,
                 numbers: RecordNumbers::new(&layout),
                 layout,
-                tiling: sidecar.tiling,
+                tiling,
                 scene_sha256: sidecar.scene_sha256.clone(),
                 local_bytes: sidecar.local_bytes,
                 octree_levels: Vec::new(),
@@ -230,7 +231,7 @@ impl Opened {
 
     /// Every tile of the image once, but for those that no node finished.
     fn check_tiles(&mut self, sidecar: &Sidecar) {
-        let tiles = sidecar.tiling.tile_count();
+        let tiles = self.recording.tiling.tile_count();
         let mut seen = vec![false; tiles as usize];
         let mut odd = 0;
         for tile in self.recording.tiles.iter_mut().filter(|tile| tile.accepted) {

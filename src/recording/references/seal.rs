@@ -40,7 +40,7 @@ impl Seal {
             marti_version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: self.scene_sha256.clone(),
             topology: self.topology.clone(),
-            tiling: self.tiling,
+            tiling: self.tiling.sides(),
             records: BTreeMap::from(records),
             local_bytes: self.local_bytes,
             tiles_missing,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::FORMAT_VERSION;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::picture::Tiling;
+use crate::picture::Sides;
 use crate::{atomic_file, regular_file};
 
 /// The sidecar's name.
@@ -31,7 +31,7 @@ pub struct Sidecar {
     pub scene_sha256: String,
     /// The resolved topology: TOML.
     pub topology: String,
-    pub tiling: Tiling,
+    pub tiling: Sides,
     /// Of each section of the image.
     pub records: BTreeMap<String, u64>,
     /// Of one node's local memory, resolved.

@@ -57,7 +57,7 @@ fn write_sidecar(folder: &Path, lost: Vec<LostTile>) {
         marti_version: "0".to_owned(),
         scene_sha256: "00".to_owned(),
         topology: TOPOLOGY.to_owned(),
-        tiling: TILING,
+        tiling: TILING.sides(),
         records: Section::ALL.map(|section| (section.name().to_owned(), layout().span(section).records)).into(),
         local_bytes: 1024,
         tiles_missing: 0,
