@@ -8,9 +8,9 @@ use marti::picture::{AovSet, ImageSettings, Rect};
 use marti::preparation::{self, Fallback, Prepared};
 use marti::render::{self, Kernel, Settings};
 use marti::scene::SceneSource;
+use marti::tracer::bvh8::{BatchTracer, Bvh8};
 use marti::tracer::octree::Octree;
 use marti::tracer::simd::Simd;
-use marti::tracer::wide::{BatchTracer, WideOctree};
 
 const SIDE: u32 = 512;
 const TURNS: usize = 5;
@@ -20,20 +20,20 @@ fn main() {
         let source: SceneSource = scene.parse().expect("a procedural scene");
         let image = |_: &_| Ok(ImageSettings { width: SIDE, height: SIDE, depth: 4, cutoff: 0.0 });
         let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
-        let octree = WideOctree::derive(&prepared.database);
+        let bvh = Bvh8::build(&prepared.database);
         println!(
             "{scene}: {} bytes derived, {} of the database",
-            octree.bytes(),
+            bvh.bytes(),
             prepared.database.database().header.layout.image_bytes()
         );
-        counts(&prepared, &octree);
-        speeds(&prepared, &octree);
+        counts(&prepared, &bvh);
+        speeds(&prepared, &bvh);
     }
 }
 
 /// Visits and tests a ray; the same for all instructions.
-fn counts(prepared: &Prepared, octree: &WideOctree) {
-    let mut tracer = BatchTracer::new(octree, &prepared.database, &prepared.view, Simd::best());
+fn counts(prepared: &Prepared, bvh: &Bvh8) {
+    let mut tracer = BatchTracer::new(bvh, &prepared.database, &prepared.view, Simd::best());
     let (_, stats) = tracer.trace(Rect { x: 0, y: 0, width: SIDE, height: SIDE }, AovSet::default());
     let (counts, rays) = (tracer.counts(), stats.all_rays() as f64);
     println!(
@@ -48,9 +48,9 @@ fn counts(prepared: &Prepared, octree: &WideOctree) {
 }
 
 /// Million rays a second of processor time, medians.
-fn speeds(prepared: &Prepared, octree: &WideOctree) {
+fn speeds(prepared: &Prepared, bvh: &Bvh8) {
     let mut kernels: Vec<(String, Kernel<'_>, Vec<Duration>)> =
-        Simd::available().map(|simd| (simd.to_string(), Kernel::Packets(octree, simd), Vec::new())).collect();
+        Simd::available().map(|simd| (simd.to_string(), Kernel::Packets(bvh, simd), Vec::new())).collect();
     kernels.push(("single rays".to_owned(), Kernel::Single { mailbox: true }, Vec::new()));
     let mut rays = 0;
     for _ in 0..TURNS {

@@ -61,9 +61,9 @@ mod tests {
     use crate::preparation::{self, Fallback, Prepared};
     use crate::render::{self, Kernel, Settings};
     use crate::scene::SceneSource;
+    use crate::tracer::bvh8::Bvh8;
     use crate::tracer::octree::Octree;
     use crate::tracer::simd::Simd;
-    use crate::tracer::wide::WideOctree;
 
     const FLUSH_TO_ZERO: u32 = 1 << 15;
     const DENORMALS_ARE_ZERO: u32 = 1 << 6;
@@ -105,8 +105,8 @@ mod tests {
         let source: SceneSource = path.to_str().expect("UTF-8").parse().expect("a file's name");
         let image = |_: &_| Ok(ImageSettings { width: 64, height: 64, depth: 4, cutoff: 0.0 });
         let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
-        let octree = WideOctree::derive(&prepared.database);
-        for kernel in [Kernel::Single { mailbox: true }, Kernel::Packets(&octree, Simd::best())] {
+        let bvh = Bvh8::build(&prepared.database);
+        for kernel in [Kernel::Single { mailbox: true }, Kernel::Packets(&bvh, Simd::best())] {
             let usual = with(0, || render(&prepared, kernel));
             assert_ne!(usual, with(FLUSH_TO_ZERO, || render(&prepared, kernel)), "{kernel:?}");
             assert_eq!(usual, with(0, || render(&prepared, kernel)), "{kernel:?}");

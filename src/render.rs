@@ -15,9 +15,9 @@ use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
 use crate::picture::{AovSet, ImageSettings, Pixels, Rect, Sides, Tiling, TilingError};
 use crate::progress::Status;
+use crate::tracer::bvh8::{BatchTracer, Bvh8};
 use crate::tracer::simd::Simd;
 use crate::tracer::slices::Slices;
-use crate::tracer::wide::{BatchTracer, WideOctree};
 use crate::tracer::{TileTracer, TraceStats, View};
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
@@ -32,7 +32,7 @@ pub enum Kernel<'a> {
     /// One ray at a time over the shared image, as every simulation does.
     Single { mailbox: bool },
     /// Packets over the structure derived from it.
-    Packets(&'a WideOctree, Simd),
+    Packets(&'a Bvh8, Simd),
 }
 
 /// How to render, besides what decides the image.

@@ -21,13 +21,13 @@ use marti::replay::count::{Replayer, Sum};
 use marti::replay::lines::RecordLines;
 use marti::replay::stack_distance::LruStack;
 use marti::scene::SceneSource;
+use marti::tracer::bvh8::{BatchTracer, Bvh8};
 use marti::tracer::octree::Octree;
 use marti::tracer::octree::hero::Hero;
 use marti::tracer::primary::PrimaryRays;
 use marti::tracer::ray::Ray;
 use marti::tracer::simd::Simd;
 use marti::tracer::slices::Slices;
-use marti::tracer::wide::{BatchTracer, WideOctree};
 use marti::tracer::{MemoryPort, TileTracer, TraceStats};
 
 /// Pixels a side.
@@ -140,8 +140,8 @@ fn packets(tracer: &mut BatchTracer<'_>) -> u64 {
 
 fn run_packets() -> u64 {
     let scene = teapot();
-    let octree = WideOctree::derive(&scene.database);
-    packets(&mut BatchTracer::new(&octree, &scene.database, &scene.view, Simd::Avx2))
+    let bvh = Bvh8::build(&scene.database);
+    packets(&mut BatchTracer::new(&bvh, &scene.database, &scene.view, Simd::Avx2))
 }
 
 type Memory<'a> = LocalMemory<Lru, &'a ClusterMemory>;

@@ -10,7 +10,7 @@ use marti::scene::{Camera, Scene};
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::simd::Simd;
 use marti::picture::{AovSet, ImageSettings, Pixels};
-use marti::tracer::wide::WideOctree;
+use marti::tracer::bvh8::Bvh8;
 use marti::tracer::View;
 use tempfile::TempDir;
 
@@ -42,8 +42,8 @@ pub fn split(data: &[u8]) -> (&[u8], &[u8]) {
 
 /// Some pixels by every kernel, and how many of them were not finite.
 pub fn images(database: &Verified, view: &View) -> Vec<(Pixels, u64)> {
-    let octree = WideOctree::derive(database);
-    let packets = Simd::available().map(|simd| Kernel::Packets(&octree, simd));
+    let bvh = Bvh8::build(database);
+    let packets = Simd::available().map(|simd| Kernel::Packets(&bvh, simd));
     let kernels = packets.chain([true, false].map(|mailbox| Kernel::Single { mailbox }));
     let image = |kernel| {
         let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };

@@ -17,10 +17,10 @@ use crate::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use crate::scene::Camera;
 use crate::scene::SceneSource;
 use crate::topology::value::{Cutoff, Depth};
+use crate::tracer::bvh8::Bvh8;
 use crate::tracer::octree::Octree;
 use crate::tracer::octree::census::Census;
 use crate::tracer::simd::Simd;
-use crate::tracer::wide::WideOctree;
 
 /// Render a scene in this one process: the fastest way on one machine
 #[derive(Clone, Debug, Args)]
@@ -106,7 +106,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         Ok(arguments.image_settings(camera))
     })?;
     let derivation = Instant::now();
-    let derived = packets.then(|| WideOctree::derive(&prepared.database));
+    let derived = packets.then(|| Bvh8::build(&prepared.database));
     let derivation = derivation.elapsed();
     let kernel = match &derived {
         Some(derived) => Kernel::Packets(derived, arguments.simd.unwrap_or_else(Simd::best)),

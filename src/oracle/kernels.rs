@@ -6,12 +6,12 @@ use serde::Serialize;
 
 use crate::database::verify::Verified;
 use crate::tracer::TraceStats;
+use crate::tracer::bvh8::{Bvh8, PacketTracer};
 use crate::tracer::hit::Hit;
 use crate::tracer::octree::hero::Hero;
 use crate::tracer::ray::Ray;
 use crate::tracer::simd::Simd;
 use crate::tracer::slices::Slices;
-use crate::tracer::wide::{WideOctree, WideTracer};
 
 /// A way to trace rays.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -47,12 +47,12 @@ impl Serialize for Kernel {
 /// A database with all that any kernel needs.
 pub struct Subject<'a> {
     database: &'a Verified,
-    wide: WideOctree,
+    wide: Bvh8,
 }
 
 impl<'a> Subject<'a> {
     pub fn new(database: &'a Verified) -> Self {
-        Self { database, wide: WideOctree::derive(database) }
+        Self { database, wide: Bvh8::build(database) }
     }
 
     /// Each kernel, ready to trace; HERO first.
@@ -67,7 +67,7 @@ impl<'a> Subject<'a> {
                 port: Slices::new(self.database),
                 stats: TraceStats::default(),
             }),
-            Kernel::Wide(simd) => Box::new(WideTracer::new(&self.wide, self.database, simd)),
+            Kernel::Wide(simd) => Box::new(PacketTracer::new(&self.wide, self.database, simd)),
         };
         KernelTracer { kernel, tracer }
     }
@@ -100,7 +100,7 @@ trait Trace {
     fn occluded(&mut self, rays: &[Ray]) -> Vec<bool>;
 }
 
-impl Trace for WideTracer<'_> {
+impl Trace for PacketTracer<'_> {
     fn nearest(&mut self, rays: &[Ray]) -> Vec<Option<Hit>> {
         self.nearest(rays)
     }

@@ -1,6 +1,7 @@
 //! The octree ray tracer. Pure: no sockets, no clock, no entropy; every read of the database goes
 //! through a [`MemoryPort`].
 
+pub mod bvh8;
 pub mod hit;
 pub mod memory_port;
 pub mod octree;
@@ -16,7 +17,6 @@ pub mod stats;
 pub mod tile;
 pub mod vector;
 pub mod view;
-pub mod wide;
 
 pub use memory_port::{MemoryPort, RayKind};
 pub use stats::TraceStats;

@@ -6,9 +6,9 @@ use marti::picture::{AovSet, ImageSettings, Pixels};
 use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Light, Material, Placement, Polygon, Scene, Sphere};
 use marti::tracer::View;
+use marti::tracer::bvh8::Bvh8;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::simd::Simd;
-use marti::tracer::wide::WideOctree;
 
 pub(crate) const SIDE: u32 = 128;
 
@@ -22,8 +22,8 @@ pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
         background: scene.background,
         image: ImageSettings { width: SIDE, height: SIDE, depth: 4, cutoff: 0.001 },
     };
-    let octree = WideOctree::derive(&database);
-    let kernels = Simd::available().map(|simd| Kernel::Packets(&octree, simd));
+    let bvh = Bvh8::build(&database);
+    let kernels = Simd::available().map(|simd| Kernel::Packets(&bvh, simd));
     let mut images = kernels.chain([Kernel::Single { mailbox: true }]).map(|kernel| {
         let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
         let rendering = render(&database, &view, settings, |_| {}).expect("a small image");

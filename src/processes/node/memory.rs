@@ -10,8 +10,8 @@ use crate::machine::replacement::{Clock, Fifo, Lru, Random};
 use crate::machine::specification::{MemorySize, Replacement};
 use crate::protocol::control::NodeConfiguration;
 use crate::recording::RecordingError;
+use crate::tracer::bvh8::Bvh8;
 use crate::tracer::simd::Simd;
-use crate::tracer::wide::WideOctree;
 
 /// Makes the memory that a topology asks for and gives it to `serve`.
 ///
@@ -27,8 +27,8 @@ pub fn with<E: From<MemoryStartError>>(
     let NodeConfiguration { header, view, local_memory, .. } = configuration;
     if local_memory.size == MemorySize::All {
         let database = whole_database::pull(header, &mut bus).map_err(MemoryStartError::from)?;
-        let octree = WideOctree::derive(&database);
-        return serve(&mut WholeDatabase::new(&octree, &database, view, Simd::best(), bus));
+        let bvh = Bvh8::build(&database);
+        return serve(&mut WholeDatabase::new(&bvh, &database, view, Simd::best(), bus));
     }
     let references = References::new(configuration, process).map_err(MemoryStartError::from)?;
     match local_memory.replacement {

@@ -14,8 +14,8 @@ use crate::picture::{AovSet, Pixels, Rect};
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::Packets;
 use crate::protocol::memory::BULK_BYTES_MAX;
+use crate::tracer::bvh8::{BatchTracer, Bvh8};
 use crate::tracer::simd::Simd;
-use crate::tracer::wide::{BatchTracer, WideOctree};
 use crate::tracer::{TraceStats, View};
 
 /// Traced in one call.
@@ -60,9 +60,9 @@ pub struct WholeDatabase<'a> {
 }
 
 impl<'a> WholeDatabase<'a> {
-    pub fn new(octree: &'a WideOctree, database: &'a Verified, view: &View, simd: Simd, bus: BusLines) -> Self {
-        let packets = Packets { simd, derived_bytes: octree.bytes() };
-        Self { tracer: BatchTracer::new(octree, database, view, simd), packets, bus }
+    pub fn new(bvh: &'a Bvh8, database: &'a Verified, view: &View, simd: Simd, bus: BusLines) -> Self {
+        let packets = Packets { simd, derived_bytes: bvh.bytes() };
+        Self { tracer: BatchTracer::new(bvh, database, view, simd), packets, bus }
     }
 }
 

@@ -1,23 +1,26 @@
-//! The fast kernel: a private structure derived from the image by a process that holds the whole of it, and
-//! batches of rays traced through it. Its hits are those of the single-ray kernel, bit by bit: lanes tell what is
-//! sure, the single-ray kernel's own functions decide the rest.
+//! The fast kernel: an eight-wide bounding volume hierarchy, built by a process that has the whole database, and packets of
+//! rays traced through it. Its hits are those of the single-ray kernel, bit by bit: lanes decide what is sure, the
+//! single-ray kernel's own functions decide the rest.
+//!
+//! What is studied, counted and recorded is HERO's octree alone. This hierarchy is there to be fast; it has from I. Wald et al.,
+//! *Interactive Rendering with Coherent Ray Tracing*, 2001, the packets, and what [`build`] names.
 
 mod batch;
 mod branching;
+mod build;
 mod decide;
-mod derivation;
 mod fitted;
 mod lighting;
-mod octree;
 mod packet;
 mod primaries;
 mod surfaces;
+mod tree;
 mod triangles;
 mod walk;
 mod wave;
 
 pub use batch::BatchTracer;
-pub use octree::WideOctree;
+pub use tree::Bvh8;
 pub use walk::Counts;
 
 use packet::{LANES, Packet};
@@ -32,8 +35,8 @@ use super::stats::TraceStats;
 use crate::database::verify::Verified;
 
 /// Traces batches of rays.
-pub struct WideTracer<'a> {
-    octree: &'a WideOctree,
+pub struct PacketTracer<'a> {
+    bvh: &'a Bvh8,
     slices: Slices<'a>,
     simd: Simd,
     packet: Box<Packet>,
@@ -43,10 +46,10 @@ pub struct WideTracer<'a> {
     hero: Hero,
 }
 
-impl<'a> WideTracer<'a> {
-    pub fn new(octree: &'a WideOctree, database: &'a Verified, simd: Simd) -> Self {
+impl<'a> PacketTracer<'a> {
+    pub fn new(bvh: &'a Bvh8, database: &'a Verified, simd: Simd) -> Self {
         Self {
-            octree,
+            bvh,
             slices: Slices::new(database),
             simd,
             packet: Box::new(Packet::new()),
@@ -129,7 +132,7 @@ impl Queues {
 
 /// Walks packets of queued rays, and tells of each ray's index and lane when its packet is done.
 struct WalkAll<'t, 'a, 'r, const ANY: bool, Done> {
-    tracer: &'t mut WideTracer<'a>,
+    tracer: &'t mut PacketTracer<'a>,
     rays: &'r [Ray],
     queues: &'r Queues,
     done: Done,
@@ -140,11 +143,11 @@ impl<const ANY: bool, Done: FnMut(usize, &Packet, usize)> Task for WalkAll<'_, '
 
     #[inline(always)]
     fn run<R: Registers>(mut self) {
-        let WideTracer { octree, slices, packet, scratch, .. } = self.tracer;
+        let PacketTracer { bvh, slices, packet, scratch, .. } = self.tracer;
         for queue in &self.queues.by_octant {
             for indices in queue.chunks(LANES) {
                 packet.fill::<R>(self.rays, indices);
-                walk::walk::<R, ANY>(octree, slices, packet, scratch);
+                walk::walk::<R, ANY>(bvh, slices, packet, scratch);
                 for (lane, &index) in indices.iter().enumerate() {
                     (self.done)(index as usize, packet, lane);
                 }
@@ -197,7 +200,7 @@ mod tests {
             let scene = scene.load().expect("procedural");
             for (leaf_size, max_depth) in [(8, 12), (1, 6), (40, 3)] {
                 let database = build_database(&scene, BuildParameters { leaf_size, max_depth }).expect("builds");
-                let octree = WideOctree::derive(&database);
+                let bvh = Bvh8::build(&database);
                 let rays = rays(&mut random, 4000);
                 let mut port = Slices::new(&database);
                 let mut hero = Hero::new(&database.database().header, true);
@@ -209,7 +212,7 @@ mod tests {
                     })
                     .collect();
                 for simd in Simd::available() {
-                    let mut tracer = WideTracer::new(&octree, &database, simd);
+                    let mut tracer = PacketTracer::new(&bvh, &database, simd);
                     let found = tracer.nearest(&rays);
                     let found: Vec<_> = found.iter().map(|hit| hit.map(|hit| (hit.t, hit.primitive.0))).collect();
                     for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
@@ -235,11 +238,11 @@ mod tests {
         scene.materials.extend(teapot.materials);
         let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
         let rays = rays(&mut Pcg32::seed_from_u64(3), 3000);
-        let hits = |octree: &WideOctree| -> Vec<_> {
-            let found = WideTracer::new(octree, &database, Simd::best()).nearest(&rays);
+        let hits = |bvh: &Bvh8| -> Vec<_> {
+            let found = PacketTracer::new(bvh, &database, Simd::best()).nearest(&rays);
             found.iter().map(|hit| hit.map(|hit| (hit.t, hit.primitive.0))).collect()
         };
-        let whole = WideOctree::derive(&database);
+        let whole = Bvh8::build(&database);
         let expected = hits(&whole);
         let leaves = whole.leaf_paths();
         assert!(leaves.len() > 50, "{}", leaves.len());

@@ -1,7 +1,6 @@
-//! The octree as the fast kernel wants it: branches that know the boxes of what is below their children, leaves
-//! that hold their triangles side by side.
+//! The bounding volume hierarchy itself: branches that know the boxes of what is below their eight children, leaves that have
+//! their triangles side by side.
 
-use super::derivation;
 use super::fitted::{Boxes, Fitted};
 use crate::database::records::Triangle;
 use crate::database::verify::Verified;
@@ -73,9 +72,9 @@ pub(super) struct Block<'a> {
     pub count: usize,
 }
 
-/// The octree with fitted boxes and leaf blocks.
+/// A bounding volume hierarchy of eight children per branch, with the triangles of its leaves in blocks.
 #[derive(Clone, Debug)]
-pub struct WideOctree {
+pub struct Bvh8 {
     branches: Vec<Branch>,
     /// A leaf is its number of triangles and of spheres and cones, its blocks, and the ids of the latter.
     leaves: Vec<u32>,
@@ -85,7 +84,7 @@ pub struct WideOctree {
 /// Words of a triangle in a block.
 const ROWS: usize = 11;
 
-impl WideOctree {
+impl Bvh8 {
     /// Empty, with room for the leaves of so many triangles, and primitives in all.
     pub(super) fn with_room(triangles: usize, primitives: usize) -> Self {
         let mut leaves = Vec::with_capacity(ROWS * triangles + primitives + BLOCK);
@@ -98,11 +97,6 @@ impl WideOctree {
     pub(super) fn shrink(&mut self) {
         self.branches.shrink_to_fit();
         self.leaves.shrink_to_fit();
-    }
-
-    /// Derives it from a database's primitives.
-    pub fn derive(database: &Verified) -> Self {
-        derivation::derive(database)
     }
 
     /// Adds a branch; its children have their places already.

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::WideTracer;
+use super::PacketTracer;
 use super::packet::{LANES, Packet};
 use super::surfaces::DOUBLES;
 use super::walk::walk;
@@ -18,7 +18,7 @@ const SQUARE: usize = 4;
 
 /// Traces the primary rays, a square of pixels at a time, and keeps those that hit something.
 pub(super) struct Primaries<'t, 'a> {
-    pub tracer: &'t mut WideTracer<'a>,
+    pub tracer: &'t mut PacketTracer<'a>,
     pub camera: &'t PrimaryRays,
     pub rect: Rect,
     pub wave: &'t mut Wave,
@@ -31,7 +31,7 @@ impl Task for Primaries<'_, '_> {
     #[inline(always)]
     fn run<R: Registers>(self) {
         let Self { tracer, camera, rect, wave, primitives: found } = self;
-        let WideTracer { octree, slices, packet, scratch, .. } = tracer;
+        let PacketTracer { bvh, slices, packet, scratch, .. } = tracer;
         packet.t_max = [f32::INFINITY; LANES];
         (0..LANES).for_each(|lane| packet.leave(lane, Source::Eye));
         for y in (0..rect.height).step_by(SQUARE) {
@@ -39,7 +39,7 @@ impl Task for Primaries<'_, '_> {
                 let mut left = aim::<R>(camera, rect, x, y, packet);
                 while left != 0 {
                     let active = packet.start::<R>(left);
-                    walk::<R, false>(octree, slices, packet, scratch);
+                    walk::<R, false>(bvh, slices, packet, scratch);
                     left &= !active;
                     for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
                         if let Some(primitive) = packet.hit(lane) {

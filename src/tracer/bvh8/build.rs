@@ -1,12 +1,12 @@
-//! The fast kernel's octree, made from the primitives of a database.
+//! How the hierarchy is built from the primitives of a database.
 //!
-//! Every primitive goes where the centre of its box is: sorted by the interleaved bits of that (G. M. Morton, 1966), cells
-//! of an octree are ranges. Branches take the children of their largest branches for their own until they have eight (H.
-//! Ylitie, T. Karras, S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017, for this
-//! and for which octant each goes to); what fits into the blocks of one branch is dealt out to full blocks.
+//! Primitives are sorted by the Morton code of their box's centre (G. M. Morton, 1966), so that each cell of an octree is a range of
+//! them, as in C. Lauterbach et al., *Fast BVH Construction on GPUs*, 2009. A branch takes the children of its largest branch for its
+//! own until it has eight, and orders them by octant (H. Ylitie, T. Karras, S. Laine, *Efficient Incoherent Ray Traversal on GPUs
+//! Through Compressed Wide BVHs*, 2017). What fits into the blocks of one branch is dealt out to full blocks.
 
 use super::fitted::{Boxes, Fitted};
-use super::octree::{BLOCK, Branch, Child, WideOctree};
+use super::tree::{BLOCK, Branch, Bvh8, Child};
 use crate::database::verify::Verified;
 
 /// A child to be, and its box.
@@ -55,32 +55,34 @@ struct Item {
 /// Levels that a code tells apart.
 pub(super) const LEVELS: u32 = 21;
 
-struct Derivation<'a> {
+struct Builder<'a> {
     boxes: Boxes<'a>,
-    octree: WideOctree,
+    bvh: Bvh8,
     items: Vec<Item>,
 }
 
-/// Derives the octree from a database's primitives.
-pub(super) fn derive(database: &Verified) -> WideOctree {
-    let boxes = Boxes::new(database);
-    let ids = 0..boxes.count() as u32;
-    let mut items: Vec<Item> = ids.map(|id| Item { code: code(boxes.of(id).centre()), id }).collect();
-    items.sort_unstable_by_key(|item| (item.code, item.id));
-    let all = items.len();
-    let octree = WideOctree::with_room(boxes.triangles.len(), all);
-    let mut derivation = Derivation { boxes, octree, items };
-    if all > 0 {
-        derivation.octree.root = match derivation.cell(0, all, 0) {
-            Made::Leaf((leaf, _)) => leaf,
-            Made::Branch(below) => derivation.place_branch(&below).0,
-        };
+impl Bvh8 {
+    /// Builds it from a database's primitives.
+    pub fn build(database: &Verified) -> Self {
+        let boxes = Boxes::new(database);
+        let ids = 0..boxes.count() as u32;
+        let mut items: Vec<Item> = ids.map(|id| Item { code: code(boxes.of(id).centre()), id }).collect();
+        items.sort_unstable_by_key(|item| (item.code, item.id));
+        let all = items.len();
+        let bvh = Bvh8::with_room(boxes.triangles.len(), all);
+        let mut builder = Builder { boxes, bvh, items };
+        if all > 0 {
+            builder.bvh.root = match builder.cell(0, all, 0) {
+                Made::Leaf((leaf, _)) => leaf,
+                Made::Branch(below) => builder.place_branch(&below).0,
+            };
+        }
+        builder.bvh.shrink();
+        builder.bvh
     }
-    derivation.octree.shrink();
-    derivation.octree
 }
 
-impl Derivation<'_> {
+impl Builder<'_> {
     /// Makes what holds `items[from..to]`, which are of one cell of this level.
     fn cell(&mut self, from: usize, to: usize, level: u32) -> Made {
         let count = to - from;
@@ -169,7 +171,7 @@ impl Derivation<'_> {
             let (child, fitted) = below.entries[entry];
             branch.put(octant, child, fitted);
         }
-        (self.octree.add_branch(branch), whole)
+        (self.bvh.add_branch(branch), whole)
     }
 
     fn leaf(&mut self, from: usize, to: usize) -> Entry {
@@ -179,7 +181,7 @@ impl Derivation<'_> {
         }
         let fitted = self.items[from..to].iter().fold(Fitted::EMPTY, |all, item| all.union(self.boxes.of(item.id)));
         let ids = self.items[from..to].iter().map(|item| item.id);
-        (self.octree.add_leaf(self.boxes.triangles, ids), fitted)
+        (self.bvh.add_leaf(self.boxes.triangles, ids), fitted)
     }
 }
 

@@ -10,7 +10,7 @@ use super::packet::NONE;
 use super::primaries::Primaries;
 use super::surfaces::Surfaces;
 use super::wave::Wave;
-use super::{WideOctree, WideTracer};
+use super::{Bvh8, PacketTracer};
 use crate::database::verify::Verified;
 use crate::picture::{AovSet, Pixels, Rect};
 use crate::tracer::memory_port::RayKind;
@@ -22,7 +22,7 @@ use crate::tracer::{TraceStats, View};
 
 /// Traces tiles of one view from a whole database.
 pub struct BatchTracer<'a> {
-    tracer: WideTracer<'a>,
+    tracer: PacketTracer<'a>,
     camera: PrimaryRays,
     /// Normalised position, linear RGB.
     lights: Vec<(DVec3, Vec3)>,
@@ -35,10 +35,10 @@ pub struct BatchTracer<'a> {
 }
 
 impl<'a> BatchTracer<'a> {
-    pub fn new(octree: &'a WideOctree, database: &'a Verified, view: &View, simd: Simd) -> Self {
+    pub fn new(bvh: &'a Bvh8, database: &'a Verified, view: &View, simd: Simd) -> Self {
         let header = &database.database().header;
         Self {
-            tracer: WideTracer::new(octree, database, simd),
+            tracer: PacketTracer::new(bvh, database, simd),
             camera: PrimaryRays::new(header, view),
             lights: view.normalised_lights(&header.normalisation),
             background: view.background.as_vec3(),
@@ -185,7 +185,7 @@ impl Task for Place<'_, '_> {
 struct Light<'t, 'a> {
     surfaces: &'t mut Surfaces,
     lights: &'t [(DVec3, Vec3)],
-    tracer: &'t mut WideTracer<'a>,
+    tracer: &'t mut PacketTracer<'a>,
 }
 
 impl Task for Light<'_, '_> {
@@ -193,7 +193,7 @@ impl Task for Light<'_, '_> {
 
     #[inline(always)]
     fn run<R: Registers>(self) -> u64 {
-        let WideTracer { octree, slices, packet, scratch, .. } = self.tracer;
-        light::<R>(self.surfaces, self.lights, octree, slices, packet, scratch)
+        let PacketTracer { bvh, slices, packet, scratch, .. } = self.tracer;
+        light::<R>(self.surfaces, self.lights, bvh, slices, packet, scratch)
     }
 }

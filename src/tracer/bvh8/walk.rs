@@ -1,9 +1,9 @@
-//! Packets through the octree, front to back: a branch's children are first held against what all rays lie within,
+//! Packets through the hierarchy, front to back: a branch's children are first held against what all rays lie within,
 //! then against each ray; where few rays are left they go on one by one, with the children side by side instead.
 
-use super::derivation::LEVELS;
-use super::octree::{Block, Branch, Child, WideOctree};
+use super::build::LEVELS;
 use super::packet::{LANES, Packet};
+use super::tree::{Block, Branch, Bvh8, Child};
 use super::triangles::{Rays, Rows, Triangles, vertex};
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Lanes, Singles};
@@ -19,7 +19,7 @@ const MARGIN: f32 = 1.0 / (1 << 23) as f32;
 /// At most so many rays go on one by one.
 const FEW: u32 = 2;
 
-/// Seven children of every level wait at most, and the root: the octree is no deeper than the codes it is made from. So
+/// Seven children of every level wait at most, and the root: the hierarchy is no deeper than the codes that it is built from. So
 /// `waiting < STACK` below always holds; it spares a check that could panic.
 const STACK: usize = 7 * LEVELS as usize + 8;
 
@@ -102,16 +102,16 @@ fn sides(mirror: usize) -> [(usize, usize); 3] {
 /// Finds the nearest hit of every ray of the packet, or, if `ANY`, leaves active those that hit nothing.
 #[inline(always)]
 pub(super) fn walk<R: Registers, const ANY: bool>(
-    octree: &WideOctree,
+    bvh: &Bvh8,
     slices: &Slices<'_>,
     packet: &mut Packet,
     scratch: &mut Scratch,
 ) {
     scratch.counts.packets += 1;
-    if octree.root == Child::EMPTY {
+    if bvh.root == Child::EMPTY {
         return;
     }
-    scratch.stack[0] = Waiting { enter: [0.0; LANES], child: octree.root, mask: packet.active };
+    scratch.stack[0] = Waiting { enter: [0.0; LANES], child: bvh.root, mask: packet.active };
     let mut waiting = 1;
     let sides = sides(packet.mirror);
     while waiting > 0 {
@@ -129,11 +129,11 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                walk_one::<R, ANY>(octree, slices, packet, lane, child, scratch);
+                walk_one::<R, ANY>(bvh, slices, packet, lane, child, scratch);
             }
         } else if child.is_leaf() {
             scratch.counts.packet_leaves += 1;
-            let (blocks, curved) = octree.leaf(child);
+            let (blocks, curved) = bvh.leaf(child);
             for block in blocks {
                 test_block::<R, ANY>(&block, slices, packet, mask, scratch);
             }
@@ -145,7 +145,7 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
             }
         } else {
             scratch.counts.packet_branches += 1;
-            let branch = octree.branch(child);
+            let branch = bvh.branch(child);
             let met = met_by_any::<R>(branch, packet, &sides);
             let mut order = u32::from(ORDER[packet.mirror][met as usize]);
             // The farthest first: the nearest comes off the stack before it.
@@ -154,12 +154,13 @@ pub(super) fn walk<R: Registers, const ANY: bool>(
                 order ^= 1 << last;
                 let octant = last as usize ^ packet.mirror;
                 let (enter, met) = meet::<R>(branch, octant, packet, &sides);
+                debug_assert!(waiting < STACK, "the hierarchy is deeper than its codes");
                 if met & mask != 0 && waiting < STACK {
                     let entry = &mut scratch.stack[waiting];
                     enter.store(&mut entry.enter);
                     (entry.child, entry.mask) = (branch.children[octant], met & mask);
                     waiting += 1;
-                    octree.prefetch(branch.children[octant]);
+                    bvh.prefetch(branch.children[octant]);
                 }
             }
         }
@@ -375,7 +376,7 @@ fn test_lane<L: Singles, const ANY: bool>(
 /// One ray from `child` on.
 #[inline(always)]
 fn walk_one<R: Registers, const ANY: bool>(
-    octree: &WideOctree,
+    bvh: &Bvh8,
     slices: &Slices<'_>,
     packet: &mut Packet,
     lane: usize,
@@ -391,7 +392,7 @@ fn walk_one<R: Registers, const ANY: bool>(
     loop {
         if child.is_leaf() {
             scratch.counts.single_leaves += 1;
-            let (blocks, curved) = octree.leaf(child);
+            let (blocks, curved) = bvh.leaf(child);
             for block in blocks {
                 let which = (1u32 << block.count) - 1;
                 scratch.counts.tests += 1;
@@ -413,7 +414,7 @@ fn walk_one<R: Registers, const ANY: bool>(
             }
         } else {
             scratch.counts.single_branches += 1;
-            let branch = octree.branch(child);
+            let branch = bvh.branch(child);
             let (mut enter, mut leave) = (R::F8::splat(0.0), R::F8::splat(packet.far[lane]));
             for axis in 0..3 {
                 let (o, i) = (R::F8::splat(origin[axis]), R::F8::splat(inverse[axis]));

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::WideOctree;
+use super::Bvh8;
 use super::packet::{LANES, Packet};
 use super::surfaces::{DOUBLES, Surfaces};
 use super::walk::{Scratch, walk};
@@ -28,7 +28,7 @@ struct Cosines {
 pub(super) fn light<R: Registers>(
     surfaces: &mut Surfaces,
     lights: &[(DVec3, Vec3)],
-    octree: &WideOctree,
+    bvh: &Bvh8,
     slices: &Slices<'_>,
     packet: &mut Packet,
     scratch: &mut Scratch,
@@ -47,7 +47,7 @@ pub(super) fn light<R: Registers>(
             let mut left = turned_to;
             while left != 0 {
                 let active = packet.start::<R>(left);
-                walk::<R, true>(octree, slices, packet, scratch);
+                walk::<R, true>(bvh, slices, packet, scratch);
                 lit |= packet.active;
                 left &= !active;
             }

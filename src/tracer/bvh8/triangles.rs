@@ -9,7 +9,7 @@
 //! 27·u·s + 9·u·l, where s is the sum of the lengths (in the 1-norm) of the two edges and l ≤ s²/4 their product; the
 //! distance, times the determinant, by 20·u·l; the determinant by 7·u·l. What is computed from them adds 4·u·l.
 
-use super::octree::Block;
+use super::tree::Block;
 use crate::tracer::simd::lanes::{Lanes, Singles};
 use crate::tracer::vector::{cross, dot, sub};
 
