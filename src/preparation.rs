@@ -11,7 +11,7 @@ use crate::scene::SceneSource;
 use crate::scene::{Camera, Light, Scene, SourceError};
 use crate::tracer::View;
 use crate::tracer::octree::Octree;
-use crate::tracer::octree::{BuildError, BuildParameters, complete};
+use crate::tracer::octree::{BuildError, complete};
 
 /// A scene, ready to be traced.
 #[derive(Clone, Debug)]
@@ -50,11 +50,10 @@ pub enum PreparationError {
 /// # Errors
 /// It is larger than can be addressed.
 pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<Verified, PreparationError> {
-    let parameters = BuildParameters { leaf_size: octree.leaf_size, max_depth: octree.max_depth };
     let records = compile(&scene);
     // A large one is larger than its records.
     drop(scene);
-    let database = records.map_err(BuildError::from).and_then(|records| complete(records, parameters));
+    let database = records.map_err(BuildError::from).and_then(|records| complete(records, octree.into()));
     database.map_err(|error| PreparationError::Build { scene: source.to_string(), error })
 }
 

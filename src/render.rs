@@ -3,6 +3,7 @@
 
 use std::convert::Infallible;
 use std::io;
+use std::num::NonZero;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::thread;
@@ -64,6 +65,42 @@ pub enum RenderError {
     Frame(#[from] FrameBufferError),
     #[error("cannot start {threads} threads: {error}")]
     Thread { threads: usize, error: io::Error },
+}
+
+/// Renders views of one database, as fast as this host can.
+#[derive(Debug)]
+pub struct Renderer<'a> {
+    database: &'a Verified,
+    bvh: Bvh8,
+    threads: usize,
+    aov: AovSet,
+}
+
+impl<'a> Renderer<'a> {
+    /// Builds the fast kernel's hierarchy. One thread per processor, and colours alone.
+    pub fn new(database: &'a Verified) -> Self {
+        let threads = thread::available_parallelism().map_or(1, NonZero::get);
+        Self { database, bvh: Bvh8::build(database), threads, aov: AovSet::default() }
+    }
+
+    /// On so many threads; 0 counts as 1. The image does not depend on it.
+    #[must_use]
+    pub fn threads(self, threads: usize) -> Self {
+        Self { threads: threads.max(1), ..self }
+    }
+
+    /// What to keep of the first hits besides the colour.
+    #[must_use]
+    pub fn aov(self, aov: AovSet) -> Self {
+        Self { aov, ..self }
+    }
+
+    /// # Errors
+    /// As [`render`]'s.
+    pub fn render(&self, view: &View) -> Result<Rendering, RenderError> {
+        let kernel = Kernel::Packets(&self.bvh, Simd::best());
+        render(self.database, view, Settings { threads: self.threads, aov: self.aov, kernel }, |_| ())
+    }
 }
 
 /// Renders `view` of a database; `on_tile` is told how far it is, from any thread.

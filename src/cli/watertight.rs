@@ -67,7 +67,7 @@ struct Escape {
 /// Shoots `rays` rays, dealt out to the kernels, on as many threads as there are processors.
 fn shoot(rays: u64, seed: u64, octree: Octree) -> Result<Report, Failure> {
     let meshes = ClosedMesh::all();
-    let parameters = BuildParameters { leaf_size: octree.leaf_size, max_depth: octree.max_depth };
+    let parameters = BuildParameters::from(octree);
     let mut databases = Vec::new();
     for mesh in &meshes {
         let database = build_database(&mesh.scene(), parameters);

@@ -39,6 +39,12 @@ impl Octree {
     pub const DEFAULT: Self = Self { leaf_size: 8, max_depth: 12, mailbox: true };
 }
 
+impl From<Octree> for BuildParameters {
+    fn from(octree: Octree) -> Self {
+        Self { leaf_size: octree.leaf_size, max_depth: octree.max_depth }
+    }
+}
+
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum BuildError {
     #[error(transparent)]

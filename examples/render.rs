@@ -1,0 +1,19 @@
+//! Renders a scene to a PNG file: `cargo run --release --example render -- teapot:12 teapot.png`.
+
+use std::error::Error;
+use std::path::Path;
+
+use marti::{Fallback, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [scene, image] = &arguments[..] else { return Err("expected a scene and the image's name".into()) };
+    let scene = scene.parse::<SceneSource>()?.load()?;
+    let settings = ImageSettings { width: 256, height: 256, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 };
+    let view = view(&scene, &Fallback::default(), |_| Ok(settings))?;
+    let database = build_database(&scene, Octree::DEFAULT.into())?;
+    let rendering = Renderer::new(&database).render(&view)?;
+    rendering.frame.write(Path::new(image), false)?;
+    println!("{} rays, sha256 {}", rendering.stats.all_rays(), rendering.frame.sha256());
+    Ok(())
+}
