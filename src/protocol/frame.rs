@@ -13,7 +13,7 @@ pub const PREFIX_BYTES: usize = 4;
 
 const CONFIGURATION: Configuration<LittleEndian, Fixint> = standard().with_fixed_int_encoding();
 
-/// What a frame may hold. Implemented by [`messages`] alone, beside each message.
+/// What a frame may hold. Implemented by `messages` alone, beside each message.
 pub trait Message: Serialize + DeserializeOwned + Send + 'static {
     /// For errors.
     const NAME: &'static str;

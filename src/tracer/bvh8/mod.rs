@@ -3,7 +3,7 @@
 //! single-ray kernel's own functions decide the rest.
 //!
 //! What is studied, counted and recorded is HERO's octree alone. This hierarchy is there to be fast; it has from I. Wald et al.,
-//! *Interactive Rendering with Coherent Ray Tracing*, 2001, the packets, and what [`build`] names.
+//! *Interactive Rendering with Coherent Ray Tracing*, 2001, the packets, and what `build` names.
 
 mod batch;
 mod branching;
