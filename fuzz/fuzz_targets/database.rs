@@ -12,9 +12,9 @@ use marti::ids::Address;
 use marti::machine::cluster_memory::ClusterMemory;
 use marti::machine::local_memory::{Geometry, LocalMemory};
 use marti::machine::replacement::Lru;
-use marti::scene::Camera;
 use marti::machine::specification::{LocalMemory as Settings, MemorySize, Replacement};
 use marti::picture::{AovSet, Rect};
+use marti::scene::Camera;
 use marti::tracer::{TileTracer, View};
 use marti_fuzz::{IMAGE, images, view_of};
 

@@ -2,11 +2,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::protocol::frame::{self, Message};
 use marti::protocol::control::{
     Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
     NodeReport,
 };
+use marti::protocol::frame::{self, Message};
 use marti::protocol::hello::{Hello, HelloPrelude, HelloReply};
 use marti::protocol::image::{ImageReply, TilePixels};
 use marti::protocol::join::{JoinReply, JoinRequest};

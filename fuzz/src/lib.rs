@@ -4,14 +4,14 @@ use std::fs;
 use std::path::Path;
 
 use marti::database::verify::Verified;
+use marti::picture::{AovSet, ImageSettings, Pixels};
 use marti::preparation::{self, Fallback};
 use marti::render::{Kernel, Settings, render};
 use marti::scene::{Camera, Scene};
+use marti::tracer::View;
+use marti::tracer::bvh8::Bvh8;
 use marti::tracer::octree::{BuildParameters, build_database};
 use marti::tracer::simd::Simd;
-use marti::picture::{AovSet, ImageSettings, Pixels};
-use marti::tracer::bvh8::Bvh8;
-use marti::tracer::View;
 use tempfile::TempDir;
 
 thread_local! {

@@ -7,9 +7,9 @@ use std::process::{Command, Stdio};
 use marti::database::Section;
 use marti::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use marti::journal::{Journal, Record, Subject};
+use marti::picture::{AovSet, Sides, Tiling};
 use marti::scene::load;
 use marti::tracer::octree::{BuildParameters, build_database};
-use marti::picture::{AovSet, Sides, Tiling};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
