@@ -48,12 +48,16 @@ const fn path(name: &'static str, unit: &'static str, run: fn() -> u64) -> Path 
     Path { name, unit, run, is_possible: || true }
 }
 
-pub(crate) const PATHS: [Path; 11] = [
+pub(crate) const PATHS: [Path; 12] = [
     path("nearest_hits", "ray", || nearest_hits(&teapot(), &primary_rays(&teapot()))),
     path("shadow_rays", "ray", || shadow_rays(&teapot(), &primary_rays(&teapot()))),
     path("leaf", "test", run_leaf),
     path("image", "ray", || image(&teapot())),
-    Path { is_possible: || Simd::Avx2.is_available(), ..path("packets", "ray", run_packets) },
+    Path { is_possible: || Simd::Avx2.is_available(), ..path("packets", "ray", || run_packets(&teapot(), packets)) },
+    Path {
+        is_possible: || Simd::Avx2.is_available(),
+        ..path("sphere_packets", "ray", || run_packets(&prepared("balls:3", Octree::DEFAULT), sphere_packets))
+    },
     path("local_memory_hits", "read", || with_local_memory(MemorySize::All, local_memory_hits)),
     path("local_memory_misses", "read", || with_local_memory(MemorySize::Bytes(4096), local_memory_misses)),
     path("recorded_reads", "read", run_recorded_reads),
@@ -133,15 +137,24 @@ fn image(scene: &Prepared) -> u64 {
 
 #[inline(never)]
 fn packets(tracer: &mut BatchTracer<'_>) -> u64 {
+    trace_packets(tracer)
+}
+
+#[inline(never)]
+fn sphere_packets(tracer: &mut BatchTracer<'_>) -> u64 {
+    black_box(trace_packets(tracer))
+}
+
+#[inline(always)]
+fn trace_packets(tracer: &mut BatchTracer<'_>) -> u64 {
     let (pixels, stats) = tracer.trace(WHOLE, AovSet::default());
     black_box(pixels);
     stats.all_rays()
 }
 
-fn run_packets() -> u64 {
-    let scene = teapot();
+fn run_packets(scene: &Prepared, trace: fn(&mut BatchTracer<'_>) -> u64) -> u64 {
     let bvh = Bvh8::build(&scene.database);
-    packets(&mut BatchTracer::new(&bvh, &scene.database, &scene.view, Simd::Avx2))
+    trace(&mut BatchTracer::new(&bvh, &scene.database, &scene.view, Simd::Avx2))
 }
 
 type Memory<'a> = LocalMemory<Lru, &'a ClusterMemory>;

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::ear_clipping::{self, Ear};
 use super::layout::{GRANULE_BYTES, IMAGE_BYTES_MAX, TooLarge};
 use super::normalisation::Normalisation;
+use super::primitives::Primitives;
 use super::records::{Cone, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
 use super::{Database, Header, Layout, Section};
 use crate::scene::{Polygon, Scene};
@@ -110,9 +111,14 @@ impl Records {
         Ok(())
     }
 
-    /// How many primitives have an id: triangles, spheres, cones.
+    /// The primitives, by id.
+    pub fn primitives(&self) -> Primitives<'_> {
+        Primitives { triangles: &self.triangles, spheres: &self.spheres, cones: &self.cones }
+    }
+
+    /// How many primitives have an id.
     pub fn primitive_count(&self) -> usize {
-        self.triangles.len() + self.spheres.len() + self.cones.len()
+        self.primitives().count()
     }
 
     /// Every primitive's id in order.

@@ -7,6 +7,7 @@ pub mod compile;
 pub mod ear_clipping;
 pub mod layout;
 pub mod normalisation;
+pub mod primitives;
 pub mod records;
 pub mod verify;
 

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::curved::{Crossing, cone_hits, sphere_hits};
 use super::triangle;
-use crate::database::Section;
-use crate::database::records::{Cone, PrimitiveId, Sphere, Triangle};
+use crate::database::primitives::{Primitive, Primitives};
+use crate::database::records::{Cone, PrimitiveId, Triangle};
 use crate::database::verify::Verified;
 use crate::tracer::hit::Hit;
 use crate::tracer::ray::{Ray, Source};
@@ -16,9 +16,7 @@ pub const SAME_DEPTH: f64 = 1.0 / (1 << 22) as f64;
 /// All primitives of a database. Each is asked whose bounding box the ray's line meets, found by going through
 /// all boxes: the octree has no say.
 pub struct BruteForce<'a> {
-    triangles: &'a [Triangle],
-    spheres: &'a [Sphere],
-    cones: &'a [Cone],
+    primitives: Primitives<'a>,
     /// By primitive id.
     boxes: Vec<Bounds>,
     /// Around each [`GROUP`] of boxes in the order of ids.
@@ -59,21 +57,14 @@ pub enum Verdict {
 impl<'a> BruteForce<'a> {
     pub fn new(verified: &'a Verified) -> Self {
         let database = verified.database();
-        let triangles: &[Triangle] = database.records(Section::Triangles);
-        let spheres: &[Sphere] = database.records(Section::Spheres);
-        let cones: &[Cone] = database.records(Section::Cones);
-        let boxes: Vec<Bounds> = triangles
-            .iter()
-            .map(Bounds::of_triangle)
-            .chain(spheres.iter().map(|s| Bounds::of_ball(s.centre, s.radius)))
-            .chain(
-                cones
-                    .iter()
-                    .map(|c| Bounds::of_ball(c.base, c.base_radius).union(Bounds::of_ball(c.apex, c.apex_radius))),
-            )
-            .collect();
+        let primitives = Primitives::of(database);
+        let spheres = primitives.spheres.iter().map(|s| Bounds::of_ball(s.centre, s.radius));
+        let ends = |c: &Cone| [Bounds::of_ball(c.base, c.base_radius), Bounds::of_ball(c.apex, c.apex_radius)];
+        let cones = primitives.cones.iter().map(ends).map(|[base, apex]| base.union(apex));
+        let boxes: Vec<Bounds> =
+            primitives.triangles.iter().map(Bounds::of_triangle).chain(spheres).chain(cones).collect();
         let groups = boxes.chunks(GROUP).map(|group| group.iter().copied().fold(group[0], Bounds::union)).collect();
-        Self { triangles, spheres, cones, boxes, groups }
+        Self { primitives, boxes, groups }
     }
 
     /// What may be the nearest hit of the ray with depth at or after its origin and before `t_max`.
@@ -102,18 +93,16 @@ impl<'a> BruteForce<'a> {
     }
 
     fn ask(&self, ray: &Ray, primitive: PrimitiveId, answer: &mut Answer) {
-        let id = primitive.0 as usize;
-        let (triangles, spheres) = (self.triangles.len(), self.spheres.len());
         let leaving = ray.source == Source::Curved(primitive.0);
-        let crossings = if id < triangles {
-            let triangle = &self.triangles[id];
-            let own = ray.source == Source::Polygon(triangle.polygon());
-            let hit = if own { None } else { triangle::hit(ray, triangle) };
-            hit.map(|t| Crossing { t, error: 0.0, certain: true }).into_iter().collect()
-        } else if id < triangles + spheres {
-            sphere_hits(ray, &self.spheres[id - triangles], leaving)
-        } else {
-            cone_hits(ray, &self.cones[id - triangles - spheres], leaving)
+        let crossings = match self.primitives.get(primitive) {
+            Some(Primitive::Triangle(triangle)) => {
+                let own = ray.source == Source::Polygon(triangle.polygon());
+                let hit = if own { None } else { triangle::hit(ray, triangle) };
+                hit.map(|t| Crossing { t, error: 0.0, certain: true }).into_iter().collect()
+            }
+            Some(Primitive::Sphere(sphere)) => sphere_hits(ray, sphere, leaving),
+            Some(Primitive::Cone(cone)) => cone_hits(ray, cone, leaving),
+            None => Vec::new(),
         };
         for crossing in crossings.into_iter().filter(|c| (c.t as f32) < ray.t_max) {
             if crossing.certain {

@@ -5,8 +5,8 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
 use serde::Serialize;
 
-use crate::database::Section;
-use crate::database::records::{Cone, Sphere, Triangle};
+use crate::database::primitives::{Primitive, Primitives};
+use crate::database::records::PrimitiveId;
 use crate::database::verify::Verified;
 use crate::tracer::View;
 use crate::tracer::primary::PrimaryRays;
@@ -48,9 +48,7 @@ pub struct Rays<'a> {
     random: Pcg32,
     camera: PrimaryRays,
     pixels: (u32, u32),
-    triangles: &'a [Triangle],
-    spheres: &'a [Sphere],
-    cones: &'a [Cone],
+    primitives: Primitives<'a>,
 }
 
 impl<'a> Rays<'a> {
@@ -60,9 +58,7 @@ impl<'a> Rays<'a> {
             random: Pcg32::seed_from_u64(seed),
             camera: PrimaryRays::new(&database.header, view),
             pixels: (view.image.width, view.image.height),
-            triangles: database.records(Section::Triangles),
-            spheres: database.records(Section::Spheres),
-            cones: database.records(Section::Cones),
+            primitives: Primitives::of(database),
         }
     }
 
@@ -97,11 +93,11 @@ impl<'a> Rays<'a> {
     }
 
     pub fn at_edge(&mut self) -> Ray {
-        let (from, to) = if self.triangles.is_empty() {
+        let (from, to) = if self.primitives.triangles.is_empty() {
             (self.vertex(), self.vertex())
         } else {
-            let which = self.below(self.triangles.len() as u32) as usize;
-            let vertices = self.triangles[which].vertices();
+            let which = self.below(self.primitives.triangles.len() as u32) as usize;
+            let vertices = self.primitives.triangles[which].vertices();
             let first = self.below(3) as usize;
             (vertices[first], vertices[(first + 1) % 3])
         };
@@ -123,20 +119,19 @@ impl<'a> Rays<'a> {
 
     /// A vertex, or a corner of a sphere's or cone's box.
     fn vertex(&mut self) -> DVec3 {
-        let (triangles, spheres) = (self.triangles.len(), self.spheres.len());
-        let count = (triangles + spheres + self.cones.len()) as u32;
+        let count = self.primitives.count() as u32;
         if count == 0 {
             return self.point();
         }
-        let id = self.below(count) as usize;
-        if id < triangles {
-            let corner = self.below(3) as usize;
-            return self.triangles[id].vertices()[corner];
-        }
-        let (centre, radius) = if id < triangles + spheres {
-            (self.spheres[id - triangles].centre, self.spheres[id - triangles].radius)
-        } else {
-            (self.cones[id - triangles - spheres].base, self.cones[id - triangles - spheres].base_radius)
+        let id = PrimitiveId(self.below(count));
+        let (centre, radius) = match self.primitives.get(id) {
+            Some(Primitive::Triangle(triangle)) => {
+                let corner = self.below(3) as usize;
+                return triangle.vertices()[corner];
+            }
+            Some(Primitive::Sphere(sphere)) => (sphere.centre, sphere.radius),
+            Some(Primitive::Cone(cone)) => (cone.base, cone.base_radius),
+            None => unreachable!("below their count"),
         };
         let corner = DVec3::from(centre.map(f64::from)) + self.point() * f64::from(radius);
         corner.clamp(DVec3::NEG_ONE, DVec3::ONE)

@@ -4,6 +4,7 @@ use std::convert::Infallible;
 
 use super::memory_port::{MemoryPort, RayKind};
 use crate::database::Section;
+use crate::database::primitives::Primitives;
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
 use crate::database::verify::Verified;
 
@@ -12,9 +13,7 @@ use crate::database::verify::Verified;
 pub struct Slices<'a> {
     octree: &'a [OctreeWord],
     leaf_lists: &'a [LeafEntry],
-    pub(super) triangles: &'a [Triangle],
-    pub(super) spheres: &'a [Sphere],
-    pub(super) cones: &'a [Cone],
+    pub(super) primitives: Primitives<'a>,
     pub(super) surfaces: &'a [Surface],
     pub(super) normals: &'a [Normals],
     pub(super) materials: &'a [Material],
@@ -26,9 +25,7 @@ impl<'a> Slices<'a> {
         Self {
             octree: database.records(Section::OctreeNodes),
             leaf_lists: database.records(Section::LeafLists),
-            triangles: database.records(Section::Triangles),
-            spheres: database.records(Section::Spheres),
-            cones: database.records(Section::Cones),
+            primitives: Primitives::of(database),
             surfaces: database.records(Section::Surfaces),
             normals: database.records(Section::Normals),
             materials: database.records(Section::Materials),
@@ -37,10 +34,10 @@ impl<'a> Slices<'a> {
 }
 
 macro_rules! plain_read {
-    ($($read:ident: $section:ident -> $record:ty),* $(,)?) => {$(
+    ($($read:ident: $($section:ident).+ -> $record:ty),* $(,)?) => {$(
         #[inline(always)]
         fn $read(&mut self, index: u32) -> Result<$record, Infallible> {
-            Ok(self.$section[index as usize])
+            Ok(self.$($section).+[index as usize])
         }
     )*};
 }
@@ -58,9 +55,9 @@ impl MemoryPort for Slices<'_> {
 
     plain_read! {
         leaf_entry: leaf_lists -> LeafEntry,
-        triangle: triangles -> Triangle,
-        sphere: spheres -> Sphere,
-        cone: cones -> Cone,
+        triangle: primitives.triangles -> Triangle,
+        sphere: primitives.spheres -> Sphere,
+        cone: primitives.cones -> Cone,
         surface: surfaces -> Surface,
         normals: normals -> Normals,
         material: materials -> Material,

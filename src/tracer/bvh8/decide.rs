@@ -1,6 +1,7 @@
 //! What packets leave to be decided: one ray, one primitive, by the very functions of the single-ray kernel.
 
 use super::packet::Packet;
+use crate::database::primitives::Primitive;
 use crate::database::records::PrimitiveId;
 use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::primitives::{cone, sphere, triangle::Shear};
@@ -10,25 +11,25 @@ use crate::tracer::slices::Slices;
 impl Slices<'_> {
     /// The hit of one primitive; whatever its distance.
     pub(super) fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
-        let (primitive, index) = (PrimitiveId(id), id as usize);
+        let primitive = PrimitiveId(id);
         let leaving = ray.source == Source::Curved(id);
-        if let Some(triangle) = self.triangles.get(index) {
+        let (t, on) = match self.primitives.get(primitive)? {
             // Asked first: a ray that starts on the triangle is what f64 cannot decide.
-            if ray.source == Source::Polygon(triangle.polygon()) {
-                return None;
+            Primitive::Triangle(triangle) if ray.source == Source::Polygon(triangle.polygon()) => return None,
+            Primitive::Triangle(triangle) => {
+                let hit = Shear::new(ray).decide(triangle)?;
+                (hit.t, HitOn::Triangle { triangle: *triangle, barycentrics: hit.barycentrics() })
             }
-            let hit = Shear::new(ray).decide(triangle)?;
-            let on = HitOn::Triangle { triangle: *triangle, barycentrics: hit.barycentrics() };
-            return Some(Hit { t: hit.t as f32, primitive, on });
-        }
-        let index = index - self.triangles.len();
-        if let Some(sphere) = self.spheres.get(index) {
-            let t = sphere::intersect(ray, sphere, leaving)?;
-            return Some(Hit { t: t as f32, primitive, on: HitOn::Sphere { sphere: *sphere, t } });
-        }
-        let cone = &self.cones[index - self.spheres.len()];
-        let t = cone::intersect(ray, cone, leaving)?;
-        Some(Hit { t: t as f32, primitive, on: HitOn::Cone { cone: *cone, t } })
+            Primitive::Sphere(sphere) => {
+                let t = sphere::intersect(ray, sphere, leaving)?;
+                (t, HitOn::Sphere { sphere: *sphere, t })
+            }
+            Primitive::Cone(cone) => {
+                let t = cone::intersect(ray, cone, leaving)?;
+                (t, HitOn::Cone { cone: *cone, t })
+            }
+        };
+        Some(Hit { t: t as f32, primitive, on })
     }
 
     /// Decides exactly whether this primitive's hit is nearer than the lane's so far; if `ANY`, whether there is one.

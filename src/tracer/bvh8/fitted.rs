@@ -1,6 +1,6 @@
 //! Boxes around primitives, fitted to them.
 
-use crate::database::Section;
+use crate::database::primitives::Primitives;
 use crate::database::records::Triangle;
 use crate::database::verify::Verified;
 use crate::tracer::octree::overlap::{Bounds, PADDING};
@@ -42,10 +42,9 @@ pub(super) struct Boxes<'a> {
 impl<'a> Boxes<'a> {
     pub(super) fn new(database: &'a Verified) -> Self {
         let database = database.database();
-        let spheres: &[crate::database::records::Sphere] = database.records(Section::Spheres);
-        let cones: &[crate::database::records::Cone] = database.records(Section::Cones);
+        let Primitives { triangles, spheres, cones } = Primitives::of(database);
         let curved = spheres.iter().map(Bounds::of_sphere).chain(cones.iter().map(Bounds::of_cone)).collect();
-        Self { triangles: database.records(Section::Triangles), curved }
+        Self { triangles, curved }
     }
 
     pub(super) fn count(&self) -> usize {

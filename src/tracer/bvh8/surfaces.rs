@@ -158,7 +158,7 @@ impl Chunk {
                 self.direction[axis][lane] = ray.direction[axis];
             }
             let id = surfaces.primitive[first + lane];
-            let Some(triangle) = slices.triangles.get(id as usize) else { continue };
+            let Some(triangle) = slices.primitives.triangles.get(id as usize) else { continue };
             in_triangles |= 1 << lane;
             surfaces.source[first + lane] = Source::Polygon(triangle.polygon());
             for axis in 0..3 {

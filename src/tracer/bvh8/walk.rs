@@ -5,6 +5,7 @@ use super::build::LEVELS;
 use super::packet::{LANES, Packet};
 use super::tree::{Block, Branch, Bvh8, Child};
 use super::triangles::{Rays, Rows, Triangles, vertex};
+use crate::database::records::PrimitiveId;
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::{Lanes, Singles};
 use crate::tracer::slices::Slices;
@@ -260,7 +261,7 @@ fn near_any<R: Registers>(block: &Block<'_>, packet: &Packet) -> u32 {
 #[inline(always)]
 fn near_sphere<L: Singles>(slices: &Slices<'_>, id: u32, rays: &Rays<L>, far: L, mask: u32) -> u32 {
     const SLACK: f32 = 1.0 / (1 << 16) as f32;
-    let Some(sphere) = slices.spheres.get(id as usize - slices.triangles.len()) else { return mask };
+    let Some(sphere) = slices.primitives.sphere(PrimitiveId(id)) else { return mask };
     let to_centre = sub(splat(sphere.centre), rays.origin);
     // Directions are no longer than 1: so are distances along them no shorter in units of the ray parameter.
     let inverse_square = L::splat(1.0).div(dot(rays.direction, rays.direction));

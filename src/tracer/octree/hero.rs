@@ -9,7 +9,7 @@ use super::descent::{Branch, Step};
 use super::mailbox::Mailbox;
 use super::prepared::Prepared;
 use crate::database::Header;
-use crate::database::Section;
+use crate::database::primitives::{PrimitiveCounts, PrimitiveIndex};
 use crate::database::records::LEVELS;
 use crate::database::records::{OctreeNode, OctreeWord, PrimitiveId, Triangle};
 use crate::tracer::hit::{Hit, HitOn};
@@ -70,25 +70,19 @@ pub struct Hero {
     four: Box<FourTriangles>,
     ids: [PrimitiveId; 4],
     max_depth: u32,
-    triangles: u32,
-    spheres: u32,
-    primitives: u32,
+    counts: PrimitiveCounts,
 }
 
 impl Hero {
     /// For a database with this header.
     pub fn new(header: &Header, mailbox: bool) -> Self {
-        let count = |section| header.layout.span(section).records as u32;
-        let (triangles, spheres) = (count(Section::Triangles), count(Section::Spheres));
         Self {
             stack: Box::new([Branch::default(); LEVELS]),
             mailbox: mailbox.then(Mailbox::new),
             four: Box::default(),
             ids: [PrimitiveId(0); 4],
             max_depth: header.max_depth.min(LEVELS as u32 - 1),
-            triangles,
-            spheres,
-            primitives: triangles + spheres + count(Section::Cones),
+            counts: PrimitiveCounts::of(&header.layout),
         }
     }
 
@@ -193,8 +187,8 @@ impl Hero {
                     stats.mailbox_skips += 1;
                 } else {
                     stats.primitive_tests += 1;
-                    if primitive.0 < self.triangles {
-                        self.four.put(count, &port.triangle(primitive.0)?);
+                    if let Some(PrimitiveIndex::Triangle(triangle)) = self.counts.locate(primitive) {
+                        self.four.put(count, &port.triangle(triangle)?);
                         self.ids[count & 3] = primitive;
                         count += 1;
                     } else {
@@ -241,18 +235,22 @@ impl Hero {
         best: &mut Best,
     ) -> Result<(), M::Error> {
         let leaving = ray.source == Source::Curved(primitive.0);
-        if primitive.0 < self.triangles + self.spheres {
-            let sphere = port.sphere(primitive.0 - self.triangles)?;
-            if let Some(t) = sphere::intersect(ray, &sphere, leaving) {
-                best.offer(t, primitive, || On::Curved(HitOn::Sphere { sphere, t }));
+        match self.counts.locate(primitive) {
+            Some(PrimitiveIndex::Sphere(index)) => {
+                let sphere = port.sphere(index)?;
+                if let Some(t) = sphere::intersect(ray, &sphere, leaving) {
+                    best.offer(t, primitive, || On::Curved(HitOn::Sphere { sphere, t }));
+                }
             }
-        } else if primitive.0 < self.primitives {
-            let cone = port.cone(primitive.0 - self.triangles - self.spheres)?;
-            if let Some(t) = cone::intersect(ray, &cone, leaving) {
-                best.offer(t, primitive, || On::Curved(HitOn::Cone { cone, t }));
+            Some(PrimitiveIndex::Cone(index)) => {
+                let cone = port.cone(index)?;
+                if let Some(t) = cone::intersect(ray, &cone, leaving) {
+                    best.offer(t, primitive, || On::Curved(HitOn::Cone { cone, t }));
+                }
             }
-        } else {
-            return Err(port.corrupt("a primitive in a leaf that does not exist"));
+            Some(PrimitiveIndex::Triangle(_)) | None => {
+                return Err(port.corrupt("a primitive in a leaf that does not exist"));
+            }
         }
         Ok(())
     }
@@ -265,6 +263,7 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::*;
+    use crate::database::primitives::Primitives;
     use crate::database::verify::Verified;
     use crate::scene::{Cone, Material, Polygon, Scene, Sphere};
     use crate::tracer::octree::{BuildParameters, build_database};
@@ -337,9 +336,7 @@ mod tests {
 
     /// Minimum of (t, id) over all primitives.
     fn brute_force(database: &Verified, ray: &Ray) -> Option<(f32, u32)> {
-        let triangles: &[Triangle] = database.database().records(Section::Triangles);
-        let spheres: &[crate::database::records::Sphere] = database.database().records(Section::Spheres);
-        let cones: &[crate::database::records::Cone] = database.database().records(Section::Cones);
+        let Primitives { triangles, spheres, cones } = Primitives::of(database.database());
         let shear = Shear::new(ray);
         let ts = triangles
             .iter()

@@ -3,6 +3,8 @@
 
 use super::overlap::{Bounds, Cell, cone_octants, sphere_octants, triangle_octants};
 use crate::database::compile::Records;
+use crate::database::primitives::{Primitive, Primitives};
+use crate::database::records::PrimitiveId;
 use crate::tracer::simd::{Registers, Simd, Task};
 
 /// Asks the primitives of a database.
@@ -41,14 +43,14 @@ impl Task for All<'_> {
 
 #[inline(always)]
 fn of_all(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
-    let Records { triangles, spheres, cones, .. } = records;
+    let primitives = records.primitives();
     // The boxes first, in a loop without a branch that depends on what it loads.
     octants.clear();
     octants.resize(ids.len(), 0);
     for (&id, octants) in ids.iter().zip(&mut *octants) {
-        *octants = match triangles.get(id as usize) {
+        *octants = match primitives.triangles.get(id as usize) {
             Some(triangle) => Bounds::of_triangle(triangle).octants(cell),
-            None => curved_bounds(records, id as usize).octants(cell),
+            None => curved_bounds(primitives, id).octants(cell),
         };
     }
     for (&id, octants) in ids.iter().zip(octants) {
@@ -56,26 +58,27 @@ fn of_all(records: &Records, ids: &[u32], cell: Cell, octants: &mut Vec<u8>) {
         if octants.count_ones() <= 1 {
             continue;
         }
-        let index = id as usize;
-        *octants = if let Some(triangle) = triangles.get(index) {
+        *octants = match primitives.get(PrimitiveId(id)) {
             // In two, on either side of a plane, and nowhere outside of the cell: a vertex is in each.
-            if octants.count_ones() == 2 && Bounds::of_triangle(triangle).is_within(cell) {
+            Some(Primitive::Triangle(triangle))
+                if octants.count_ones() == 2 && Bounds::of_triangle(triangle).is_within(cell) =>
+            {
                 continue;
             }
-            triangle_octants(triangle, cell, *octants)
-        } else if let Some(sphere) = spheres.get(index - triangles.len()) {
-            sphere_octants(sphere, cell, *octants)
-        } else {
-            cone_octants(&cones[index - triangles.len() - spheres.len()], cell, *octants)
+            Some(Primitive::Triangle(triangle)) => triangle_octants(triangle, cell, *octants),
+            Some(Primitive::Sphere(sphere)) => sphere_octants(sphere, cell, *octants),
+            Some(Primitive::Cone(cone)) => cone_octants(cone, cell, *octants),
+            None => unreachable!("a cell lists primitives of its records"),
         };
     }
 }
 
 #[inline(never)]
-fn curved_bounds(records: &Records, index: usize) -> Bounds {
-    let index = index - records.triangles.len();
-    match records.spheres.get(index) {
-        Some(sphere) => Bounds::of_sphere(sphere),
-        None => Bounds::of_cone(&records.cones[index - records.spheres.len()]),
+fn curved_bounds(primitives: Primitives<'_>, id: u32) -> Bounds {
+    match primitives.get(PrimitiveId(id)) {
+        Some(Primitive::Triangle(triangle)) => Bounds::of_triangle(triangle),
+        Some(Primitive::Sphere(sphere)) => Bounds::of_sphere(sphere),
+        Some(Primitive::Cone(cone)) => Bounds::of_cone(cone),
+        None => unreachable!("a cell lists primitives of its records"),
     }
 }
