@@ -27,6 +27,8 @@ const GROWTH_KIB_MAX: u64 = 48 << 10;
 const DEADLINE: Duration = Duration::from_secs(5);
 /// Between two dials of those who belong here.
 const PAUSE: Duration = Duration::from_millis(10);
+/// Of those who belong here: of fewer, two that are late would be more than a tenth.
+const DIALS_MIN: u32 = 50;
 /// Connections of the flood that are made at a time.
 const CROWD: usize = 100;
 
@@ -63,7 +65,7 @@ async fn flood(what: &str, from: Ipv4Addr, listens: Option<Tls>, dials: Option<T
     let introduction =
         Introduction { tls: dials, ..Credentials::plain(TOKEN).introduction(Role::Node(NodeId(1)), Epoch(0)) };
     let (mut welcome, mut failed, mut longest) = (0, 0u32, Duration::ZERO);
-    while !flooding.is_finished() || welcome + failed < 20 {
+    while !flooding.is_finished() || welcome + failed < DIALS_MIN {
         let dialled = Instant::now();
         match connect(Role::Bus(marti::ids::ClusterId(0)), address, &introduction, DEADLINE).await {
             Ok(_) => welcome += 1,

@@ -48,6 +48,11 @@ fn a_scene_is_rendered_as_the_program_renders_it() {
 #[test]
 fn a_policy_of_one_s_own_is_counted_beside_lru() {
     let rows = lines(&mut example("replacement_policy"));
+    let page = include_str!("../../docs/extending/replacement-policy.md");
+    assert!(
+        rows.iter().all(|row| page.contains(row)),
+        "docs/extending/replacement-policy.md shows another table: {rows:?}"
+    );
     let counts: Vec<(u64, u64)> = rows[1..].iter().map(|row| numbers(row)).collect();
     assert_eq!(counts.len(), 5);
     assert!(counts.is_sorted_by(|more, less| more.0 <= less.0), "less memory never misses less under LRU: {rows:?}");

@@ -186,6 +186,21 @@ fn studies_replay_and_start_nothing() {
     forbid("src/study", &outer, &[], "a study is a function of its scenes");
 }
 
+/// Files that pages and ARCHITECTURE.md name in full.
+#[test]
+fn files_that_the_documentation_names_exist() {
+    let pages =
+        fs::read_dir(project().join("docs/extending")).expect("a folder").map(|page| page.expect("an entry").path());
+    for page in pages.chain([project().join("ARCHITECTURE.md")]) {
+        let text = fs::read_to_string(&page).expect("a file");
+        let roots = ["src/", "tests/", "examples/", "docs/", "fuzz/", "benches/", "scenes/"];
+        let named = text.split('`').skip(1).step_by(2).filter(|name| roots.iter().any(|root| name.starts_with(root)));
+        for name in named.filter(|name| !name.contains([' ', '{', '*'])) {
+            assert!(project().join(name).exists(), "{} names {name}, which is not there", page.display());
+        }
+    }
+}
+
 #[test]
 fn no_process_imports_another() {
     let processes = ["manager", "master", "node", "bus", "display", "player"];
