@@ -129,7 +129,7 @@ async fn converse<Command: control::Command, Report: control::Report>(
 ) -> bool {
     let (sender, mut receiver) = connection.split::<Report, Command>();
     let mut farewell = std::pin::pin!(report(sender, reports, close, watch, period));
-    let orphaned = tokio::select! {
+    let (orphaned, is_heard) = tokio::select! {
         biased;
         told = &mut farewell => match told {
             // Everything is said: what else comes does not matter, the end does.
@@ -137,13 +137,19 @@ async fn converse<Command: control::Command, Report: control::Report>(
                 drop(timeout(FAREWELL_DEADLINE, drain(&mut receiver)).await);
                 return last == Last::Stuck;
             }
-            Err(error) => error.to_string(),
+            Err(error) => (error.to_string(), false),
         },
-        why = forward(&mut receiver, &commands, patience(period)) => why,
+        why = forward(&mut receiver, &commands, patience(period)) => (why, true),
     };
-    tracing::error!("the manager is gone: {orphaned}");
     drop(commands);
-    sleep(ORPHAN_GRACE).await;
+    // The manager hangs up as soon as it has the last word, which may be before this process closes the link.
+    if is_heard && let Ok(Ok(last)) = timeout(ORPHAN_GRACE, farewell).await {
+        return last == Last::Stuck;
+    }
+    tracing::error!("the manager is gone: {orphaned}");
+    if !is_heard {
+        sleep(ORPHAN_GRACE).await;
+    }
     true
 }
 

@@ -5,6 +5,7 @@ pub mod bootstrap;
 pub mod bus;
 pub mod control_link;
 pub mod display;
+pub mod driver;
 mod event_queue;
 mod folder_claim;
 pub mod health;

@@ -145,6 +145,17 @@ pub fn decode<M: Message>(frame: &[u8]) -> Result<(M, &[u8]), CodecError> {
     Ok((message, bulk))
 }
 
+/// The message of a frame without bulk bytes, given without its length.
+///
+/// # Errors
+/// The frame does not hold such a message, and nothing else.
+pub fn decode_whole<M: Message>(frame: &[u8]) -> Result<M, CodecError> {
+    match decode(frame)? {
+        (message, []) => Ok(message),
+        (_, bulk) => Err(CodecError::UnexpectedBulk { name: M::NAME, bytes: bulk.len(), bytes_max: 0 }),
+    }
+}
+
 fn check_bulk<M: Message>(bytes: usize) -> Result<(), CodecError> {
     if bytes > M::BULK_BYTES_MAX {
         return Err(CodecError::UnexpectedBulk { name: M::NAME, bytes, bytes_max: M::BULK_BYTES_MAX });

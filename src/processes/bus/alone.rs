@@ -9,14 +9,16 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+use super::control::FINISH_DEADLINE;
 use super::memory_loop::Command;
-use super::{BusError, FINISH_DEADLINE, INCIDENTS_MAX, admit, listen, start_loop};
+use super::{BusError, INCIDENTS_MAX, admit, start_loop};
 use crate::ids::Epoch;
 use crate::machine::totals::BusTotals;
+use crate::processes::driver::Admission;
 use crate::processes::event_queue::event_queue;
 use crate::processes::folder_claim::{FolderClaim, named};
 use crate::processes::{StartError, token};
-use crate::protocol::connection::Credentials;
+use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::BusConfiguration;
 use crate::protocol::hello::RunToken;
 use crate::pulse::Pulse;
@@ -93,12 +95,20 @@ async fn serve(bind: SocketAddr, secret: RunToken, configuration: &BusConfigurat
     let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
     let (farewell, mut loader_left) = oneshot::channel();
     let (handle, ended) = start_loop(configuration, Epoch(0), incident_sender, Some(farewell), Pulse::default())?;
-    let mut listener = listen(bind, Credentials::plain(secret)).await?;
+    let admits = |role, _| Admission::BusClients.check(role);
+    let mut listener = Listener::bind_to(bind, Credentials::plain(secret), admits).await?;
     say(listener.address())?;
     let why = loop {
         tokio::select! {
-            // What is refused is in the text log.
-            arrival = listener.arrival() => drop(admit(arrival, &handle)?),
+            arrival = listener.arrival() => match arrival {
+                Ok((peer, connection)) => {
+                    if let Err(why) = admit(peer, connection, &handle) {
+                        tracing::warn!("{why}");
+                    }
+                }
+                Err(error) if error.is_of_this_process() => return Err(error.into()),
+                Err(refused) => tracing::warn!("{refused}"),
+            },
             Some(_) = incidents.recv() => {}
             left = &mut loader_left => match left {
                 Ok(()) => break "the loader has left",

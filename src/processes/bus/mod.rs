@@ -4,35 +4,34 @@
 
 mod alone;
 mod client;
+pub mod control;
 pub mod memory_loop;
 pub mod state;
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
 
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::timeout;
 
 pub use self::alone::{Alone, serve_alone};
+use self::control::{Answer, Control, FINISH_DEADLINE, Task};
 use self::memory_loop::{Command, Handle, LoopError, MemoryLoop};
-use self::state::{State, initiator};
-use super::bootstrap::{StartError, live};
+use self::state::State;
+use super::Child;
+use super::bootstrap::StartError;
+use super::driver::live::{self, ProcessError, Worker};
 use super::folder_claim::ClaimError;
-use super::{Child, ControlLink};
 use crate::ids::Epoch;
 use crate::machine::totals::BusTotals;
-use crate::protocol::connection::{Arrival, ConnectionError, Credentials, Listener, WRITE_DEADLINE};
-use crate::protocol::control::{BusCommand, BusConfiguration, BusReport};
+use crate::protocol::connection::{Connection, ConnectionError, Peer, WRITE_DEADLINE};
+use crate::protocol::control::BusConfiguration;
 use crate::pulse::Pulse;
 use crate::recording::RecordingError;
 use crate::recording::bus_log::{Metadata, ReadError, Writer};
 
 /// Incidents on their way from the loop to the manager.
 const INCIDENTS_MAX: usize = 64;
-/// To serve what has arrived and make the recording whole.
-const FINISH_DEADLINE: Duration = Duration::from_secs(60);
-
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     #[error(transparent)]
@@ -57,68 +56,71 @@ pub enum BusError {
     LoopEnded,
     #[error("the recording was not closed within {} s", FINISH_DEADLINE.as_secs())]
     Unfinished,
-    #[error("the manager is gone")]
-    Orphaned,
 }
 
 /// Serves until the manager says that it is over.
 ///
 /// # Errors
 /// Anything that keeps the bus from going on; the manager was told.
-pub fn run(child: &Child) -> Result<(), BusError> {
-    live(child, async {
-        let mut link = ControlLink::open(child)?;
-        let outcome = serve(child, &mut link).await;
-        let report = match &outcome {
-            Ok(totals) => BusReport::Finished(*totals),
-            Err(error) => BusReport::Failed(error.to_string()),
-        };
-        // An error means that the manager is gone: the log has the outcome.
-        let _ = link.reports.send(report).await;
-        link.close();
-        outcome.map(drop)
-    })
+pub fn run(child: &Child) -> Result<(), ProcessError> {
+    let memory = Memory { epoch: child.bootstrap.epoch, pulse: child.pulse.clone(), running: None };
+    live::run(child, Control::default(), memory, Arc::default())
 }
 
-/// Until the manager says that it is over.
-async fn serve(child: &Child, link: &mut ControlLink<BusCommand, BusReport>) -> Result<BusTotals, BusError> {
-    let configuration = match link.commands.recv().await {
-        Some(BusCommand::Configure(configuration)) => configuration,
-        Some(BusCommand::Finish { .. }) => return Ok(BusTotals::default()),
-        Some(BusCommand::Heartbeat) | None => return Err(BusError::Orphaned),
-    };
-    let epoch = child.bootstrap.epoch;
-    // On a machine of its own nobody has made it.
-    std::fs::create_dir_all(&configuration.recording)?;
-    let (incident_sender, mut incidents) = mpsc::channel(INCIDENTS_MAX);
-    let (handle, mut ended) = start_loop(&configuration, epoch, incident_sender, None, child.pulse.clone())?;
-    let mut listener = listen((child.interface(link.interface), 0).into(), child.credentials()).await?;
-    let address = child.advertised(listener.address(), link.interface).await?;
-    let mut reports = vec![BusReport::Listening(address)];
-    loop {
-        for report in reports.drain(..) {
-            link.reports.send(report).await.map_err(|_| BusError::Orphaned)?;
-        }
-        tokio::select! {
-            arrival = listener.arrival() => reports.extend(admit(arrival, &handle)?),
-            Some(incident) = incidents.recv() => reports.push(BusReport::Incident(incident)),
-            outcome = &mut ended => {
-                outcome.map_err(|_| BusError::LoopEnded)??;
-                return Err(BusError::LoopEnded);
+/// The thread that owns the memory connections, once the bus is configured.
+struct Memory {
+    epoch: Epoch,
+    pulse: Pulse,
+    running: Option<Running>,
+}
+
+struct Running {
+    handle: Handle,
+    incidents: mpsc::Receiver<String>,
+    /// `None`: it has been told.
+    ended: Option<oneshot::Receiver<LoopOutcome>>,
+}
+
+impl Worker<Control> for Memory {
+    fn begin(&mut self, task: Task) -> Result<Option<Answer>, String> {
+        let begun = match (task, &self.running) {
+            (Task::Serve(configuration), _) => {
+                let (sender, incidents) = mpsc::channel(INCIDENTS_MAX);
+                start_loop(&configuration, self.epoch, sender, None, self.pulse.clone()).map(|(handle, ended)| {
+                    self.running = Some(Running { handle, incidents, ended: Some(ended) });
+                })
             }
-            command = link.commands.recv() => match command {
-                Some(BusCommand::Finish { lost }) => {
-                    handle.send(Command::Finish { lost })?;
-                    let finished = timeout(FINISH_DEADLINE, ended).await.map_err(|_| BusError::Unfinished)?;
-                    return finished.map_err(|_| BusError::LoopEnded)??.ok_or(BusError::LoopEnded);
-                }
-                Some(BusCommand::Configure(_)) => {
-                    reports.push(BusReport::Incident("configured twice: the second is not heeded".to_owned()));
-                }
-                Some(BusCommand::Heartbeat) => {}
-                None => return Err(BusError::Orphaned),
-            },
-        }
+            (Task::Finish { lost }, Some(running)) => {
+                running.handle.send(Command::Finish { lost }).map_err(BusError::System)
+            }
+            (Task::Finish { .. }, None) => Err(BusError::LoopEnded),
+        };
+        begun.map(|()| None).map_err(|error| error.to_string())
+    }
+
+    async fn answer(&mut self) -> Answer {
+        let Some(Running { incidents, ended, .. }) = &mut self.running else { return std::future::pending().await };
+        let outcome = tokio::select! {
+            Some(incident) = incidents.recv() => return Answer::Incident(incident),
+            outcome = end(ended) => outcome,
+        };
+        *ended = None;
+        let totals = outcome
+            .map_err(|error| error.to_string())
+            .and_then(|totals| totals.ok_or_else(|| BusError::LoopEnded.to_string()));
+        Answer::Ended(totals)
+    }
+
+    fn take_over(&mut self, peer: Peer, connection: Connection) -> Result<Option<Connection>, String> {
+        let Some(running) = &self.running else { return Ok(None) };
+        admit(peer, connection, &running.handle).map(|()| None)
+    }
+}
+
+async fn end(ended: &mut Option<oneshot::Receiver<LoopOutcome>>) -> Result<Option<BusTotals>, BusError> {
+    match ended {
+        Some(ended) => Ok(ended.await.map_err(|_| BusError::LoopEnded)??),
+        None => std::future::pending().await,
     }
 }
 
@@ -150,27 +152,13 @@ fn start_loop(
     Ok((handle, ended))
 }
 
-async fn listen(address: SocketAddr, credentials: Credentials) -> Result<Listener, BusError> {
-    let admits = |role, _| match initiator(role) {
-        Some(_) => Ok(()),
-        None => Err("the manager, the master or a node".to_owned()),
-    };
-    Ok(Listener::bind_to(address, credentials, admits).await?)
-}
-
-/// Hands a peer to the loop; returns what the manager should know if there is none.
-fn admit(arrival: Arrival, handle: &Handle) -> Result<Option<BusReport>, ConnectionError> {
-    let admitted = arrival.and_then(|(peer, connection)| Ok((peer, connection.into_std()?)));
-    let incident = match admitted {
-        Ok((peer, socket)) => match handle.send(Command::Admit(peer, socket)) {
-            Ok(()) => return Ok(None),
-            Err(error) => format!("{peer}: not admitted: {error}"),
-        },
-        Err(error) if error.is_of_this_process() => return Err(error),
-        Err(refused) => refused.to_string(),
-    };
-    tracing::warn!("{incident}");
-    Ok(Some(BusReport::Incident(incident)))
+/// Hands a peer to the loop.
+///
+/// # Errors
+/// It cannot be served; why, with its name.
+fn admit(peer: Peer, connection: Connection, handle: &Handle) -> Result<(), String> {
+    let socket = connection.into_std().map_err(|error| error.to_string())?;
+    handle.send(Command::Admit(peer, socket)).map_err(|error| format!("{peer}: not admitted: {error}"))
 }
 
 #[cfg(test)]

@@ -12,7 +12,8 @@ use crate::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::keys::{Authority, Identity, RoleKind, Validity};
 use crate::machine::specification::Arbiter;
 use crate::machine::totals::LostAttempt;
-use crate::protocol::connection::{BlockingConnection, Fault, Tls};
+use crate::processes::driver::Admission;
+use crate::protocol::connection::{BlockingConnection, Credentials, Fault, Listener, Tls};
 use crate::protocol::frame;
 use crate::protocol::hello::{Hello, Role, RunToken};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
@@ -136,13 +137,16 @@ async fn run_until(
     let state = State::new(configuration, Epoch(0));
     let (memory_loop, handle) = MemoryLoop::new(state, recording, incidents, STUCK_DEADLINE).expect("descriptors");
     let loop_thread = thread::spawn(|| memory_loop.run(&Pulse::default().beacon("bus")));
-    let mut listener = listen((Ipv4Addr::LOCALHOST, 0).into(), credentials).await.expect("loopback");
+    let admits = |role, _| Admission::BusClients.check(role);
+    let mut listener = Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials, admits).await.expect("loopback");
     bound.send(listener.address()).expect("awaited");
     let lost = loop {
         tokio::select! {
             // Who is welcome is admitted, even if the test ends at once.
             biased;
-            arrival = listener.arrival() => drop(admit(arrival, &handle).expect("descriptors")),
+            arrival = listener.arrival() => if let Ok((peer, connection)) = arrival {
+                let _ = admit(peer, connection, &handle);
+            },
             lost = &mut finished => break lost.expect("told"),
         }
     };

@@ -9,9 +9,10 @@ use std::time::Duration;
 use super::*;
 use crate::ids::{Attempt, Epoch, NodeId, Producer, TileId};
 use crate::picture::{AovSet, Sides, Tiling};
-use crate::protocol::connection::{Credentials, Sender, connect};
-use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::RunToken;
+use crate::protocol::connection::{ConnectionError, Credentials, Listener, Receiver, Sender, connect};
+use crate::protocol::control::{Bootstrap, DisplayCommand, DisplayReport};
+use crate::protocol::hello::{Role, RunToken};
+use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, MacKey};
 
 const TOKEN: RunToken = RunToken::new([5; 32]);
@@ -41,7 +42,7 @@ fn planes(tile: u32) -> Vec<u8> {
 struct Manager {
     to_display: Sender<DisplayCommand>,
     from_display: Receiver<DisplayReport>,
-    display: thread::JoinHandle<Result<(), DisplayError>>,
+    display: thread::JoinHandle<Result<(), ProcessError>>,
 }
 
 impl Manager {
@@ -97,7 +98,7 @@ impl Manager {
     }
 
     /// Hears the display out and hangs up after it, as a manager does.
-    async fn end(mut self) -> Result<(), DisplayError> {
+    async fn end(mut self) -> Result<(), ProcessError> {
         while self.from_display.receive_within(SOON).await.expect("whole frames").is_some() {}
         drop((self.to_display, self.from_display));
         self.display.join().expect("no panic")

@@ -1,8 +1,8 @@
 //! A local memory that is filled over the bus: one ray at a time, and every record is read through it.
 
 use super::bus_lines::BusLines;
-use super::state::Job;
 use super::tile_memory::{TileMemory, TraceError};
+use super::tiles::Job;
 use crate::ids::{Epoch, NodeId};
 use crate::machine::local_memory::{Geometry, GeometryError, LocalMemory};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Recorder};

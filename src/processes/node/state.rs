@@ -1,393 +1,357 @@
-//! What a node decides: which tiles it holds, and how far each has come. Pure.
-//!
-//! A tile is held from the request for it until the display has acknowledged it:
-//!
-//! ```text
-//! asked for → tracing (or waiting for the tracer) → sent to the display → done
-//! ```
-//!
-//! Its pixels are kept as long: a display that dies takes what it did not acknowledge with it, and its successor gets it.
+//! A node from its first command to its end: whom it talks to, and how long it waits for each. No socket, no thread, no
+//! clock. What becomes of tiles is decided in [`tiles`](super::tiles).
 
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::ids::{Attempt, TileId};
-use crate::picture::{Pixels, Rect, Tiling};
-use crate::protocol::control::Packets;
+use bytes::BytesMut;
+
+use super::corruption::Corruption;
+use super::tiles::{self, Job, Tiles, Traced, Violation};
+use crate::ids::{Attempt, ClusterId, TileId};
+use crate::picture::Pixels;
+use crate::processes::driver::{self, ConnectionId, Loss, Machine};
+use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport, Packets};
+use crate::protocol::frame::{self, CodecError};
+use crate::protocol::hello::Role;
+use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::Mac;
-use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::protocol::work::{WorkReply, WorkRequest};
 
-/// Until a display that was lost, or could not be reached, is dialled again: the network may have been at fault.
-pub const REDIAL_PAUSE: Duration = Duration::from_millis(250);
+/// For the display to acknowledge a tile; for a new one to be there, when the last is not.
+const ACKNOWLEDGE_DEADLINE: Duration = Duration::from_secs(30);
+/// From being asked to go until it goes, whatever it holds: its tiles are done by others then.
+const LEAVE_DEADLINE: Duration = Duration::from_secs(25);
+const WAITING_MAX: usize = 64;
 
-/// A tile to trace.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Job {
-    pub tile: TileId,
-    pub attempt: Attempt,
-    pub rect: Rect,
-    pub permit: Mac,
+const MASTER: ConnectionId = ConnectionId::Dialled(0);
+
+/// From the master or the display.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Incoming {
+    Work(WorkReply),
+    Image(ImageReply),
 }
 
-/// A traced tile: its completion, and its pixels.
+/// To the master or the display.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Traced {
-    pub done: Box<TileDone>,
-    pub pixels: Arc<Pixels>,
-    /// Of its job.
-    pub permit: Mac,
+pub enum Outgoing {
+    Work(WorkRequest),
+    Pixels { tile: TileId, attempt: Attempt, permit: Mac, pixels: Arc<Pixels> },
 }
 
+/// The tracer's.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Event {
-    /// The tracer has what it needs; `Some` when it traces packets.
-    TracerReady(Option<Packets>),
-    /// The master hands out a tile.
-    Job {
-        tile: TileId,
-        attempt: Attempt,
-        permit: Mac,
-    },
-    Traced(Traced),
-    /// The display has the tile.
-    Acknowledged {
-        tile: TileId,
-        attempt: Attempt,
-        receipt: Mac,
-    },
-    /// The connection that was dialled last is there.
-    DisplayReached,
-    /// It has ended, or could not be made.
-    DisplayLost,
-    /// The manager's: there is a new display.
-    NewDisplay(SocketAddr),
-    /// This node is to go: it brings what it holds to its end, and takes nothing more.
-    Leave,
-}
-
-#[derive(Clone, PartialEq, Debug)]
-pub enum Action {
-    /// Tell the manager what traces.
-    TellPackets(Packets),
-    /// Ask the master for one more tile.
-    AskForTile,
+pub enum Task {
+    /// Comes first, once.
+    Start(Box<NodeConfiguration>),
+    /// At most [`JOBS_PER_NODE`](crate::protocol::work::JOBS_PER_NODE) wait.
     Trace(Job),
-    /// Instead of whatever connection to a display there is.
-    DialDisplay {
-        address: SocketAddr,
-        pause: Duration,
-    },
-    SendPixels {
-        tile: TileId,
-        attempt: Attempt,
-        permit: Mac,
-        pixels: Arc<Pixels>,
-    },
-    TellDone {
-        done: Box<TileDone>,
-        /// The display's.
-        receipt: Mac,
-    },
 }
 
-/// Another process says what has no place in the conversation.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum Violation {
-    #[error("the master handed out {tile}, but the image has {tiles} tiles only")]
-    NoSuchTile { tile: TileId, tiles: u32 },
-    #[error("the master handed out {tile} unasked")]
-    Unasked { tile: TileId },
-    #[error("the display acknowledged {tile} ({attempt}), which was not sent")]
-    NotSent { tile: TileId, attempt: Attempt },
+#[derive(Clone, PartialEq, Debug)]
+pub enum Answer {
+    /// It has what it needs. `Some`: it traces packets.
+    Ready(Option<Packets>),
+    Traced(Traced),
+    /// It has ended.
+    Failed(String),
 }
 
-/// At most [`JOBS_PER_NODE`] tiles, in whatever stage.
+type Event = driver::Event<State>;
+type Action = driver::Action<State>;
+
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    #[error(transparent)]
+    Violation(#[from] Violation),
+    #[error("{0}")]
+    Master(String),
+    #[error("the {0} closed the connection")]
+    Left(Role),
+    #[error("tracer: {0}")]
+    Tracer(String),
+    #[error("the display refused a tile: {0}")]
+    PixelsRefused(String),
+    #[error("the display acknowledged nothing for {} s", ACKNOWLEDGE_DEADLINE.as_secs())]
+    Unacknowledged,
+    #[error("no display for {} s: {why}", ACKNOWLEDGE_DEADLINE.as_secs())]
+    NoDisplay { why: String },
+}
+
+/// How a node's work ends.
+#[derive(Debug)]
+enum End {
+    Finished,
+    /// It was asked to go, and holds no tile any more.
+    Left,
+    Failed(NodeError),
+}
+
+impl<E: Into<NodeError>> From<E> for End {
+    fn from(error: E) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
 #[derive(Debug)]
 pub struct State {
-    tiling: Tiling,
-    asked: usize,
-    /// With the tracer.
-    tracing: usize,
-    leaving: bool,
-    /// The display's.
-    address: SocketAddr,
-    /// Whether a connection to the display is there.
-    reached: bool,
-    /// Traced, and not acknowledged: sent where the display was reached, in this order.
-    traced: Vec<Traced>,
+    /// Its own.
+    role: Role,
+    phase: Phase,
+    /// It was told to err.
+    is_corrupt: bool,
+}
+
+#[derive(Debug)]
+enum Phase {
+    Unconfigured,
+    Working(Box<Work>),
+    Over,
+}
+
+#[derive(Debug)]
+struct Work {
+    cluster: ClusterId,
+    tiles: Tiles,
+    master_reached: bool,
+    /// The tracer was ready before the master answered.
+    ready: Option<Option<Packets>>,
+    display: DisplayLink,
+    /// When what the display owes is overdue.
+    late: Duration,
+    /// Once it was asked to go.
+    leave_by: Option<Duration>,
+}
+
+#[derive(Debug)]
+struct DisplayLink {
+    /// How often it was dialled, which is the number of the last connection.
+    dialled: u32,
+    /// Why there is none; `None` while there is one.
+    loss: Option<String>,
 }
 
 impl State {
-    /// The display is to be dialled.
-    pub fn new(tiling: Tiling, display: SocketAddr) -> Self {
-        Self { tiling, asked: 0, tracing: 0, leaving: false, address: display, reached: false, traced: Vec::new() }
+    /// Of a node that is about to be configured.
+    pub fn new(role: Role) -> Self {
+        Self { role, phase: Phase::Unconfigured, is_corrupt: false }
     }
 
-    /// Whether the display owes something: its presence, or an acknowledgement.
-    pub fn awaits_display(&self) -> bool {
-        !self.reached || !self.traced.is_empty()
+    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
+        if let Event::Command(NodeCommand::Corrupt) = event {
+            self.is_corrupt = true;
+            return Ok(());
+        }
+        match (&mut self.phase, event) {
+            (_, Event::Command(NodeCommand::Finish)) => Err(End::Finished),
+            (Phase::Unconfigured, Event::Command(NodeCommand::Configure(configuration))) => {
+                self.phase = Phase::Working(Box::new(Work::begin(now, configuration, actions)));
+                Ok(())
+            }
+            (Phase::Unconfigured, Event::Terminate) => Err(End::Left),
+            (Phase::Working(work), Event::Answer(Answer::Traced(mut traced))) => {
+                if self.is_corrupt {
+                    let tile = traced.done.tile;
+                    Corruption::of(self.role).flip_a_bit(Arc::make_mut(&mut traced.pixels), tile);
+                }
+                work.handle(now, tiles::Event::Traced(traced), actions)
+            }
+            (Phase::Working(work), event) => work.step(now, event, actions),
+            // The configuration will say which display there is.
+            (Phase::Unconfigured | Phase::Over, _) => Ok(()),
+        }
+    }
+}
+
+impl Machine for State {
+    type Command = NodeCommand;
+    type Report = NodeReport;
+    type Incoming = Incoming;
+    type Outgoing = Outgoing;
+    type Task = Task;
+    type Answer = Answer;
+
+    const WAITING_MAX: usize = WAITING_MAX;
+    const LEAVES: bool = true;
+
+    fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+        let mut actions = Vec::new();
+        if let Err(end) = self.step(now, event, &mut actions) {
+            self.phase = Phase::Over;
+            let (report, outcome) = match end {
+                End::Finished => (NodeReport::Finished, Ok(())),
+                End::Left => (NodeReport::Leaving, Ok(())),
+                End::Failed(error) => (NodeReport::Failed(error.to_string()), Err(error.to_string())),
+            };
+            actions.extend([Action::Report(report), Action::End(outcome)]);
+        }
+        actions
     }
 
-    /// Whether it was told to go, and holds nothing any more.
-    pub fn has_left(&self) -> bool {
-        self.leaving && self.tracing == 0 && self.traced.is_empty()
+    fn next_deadline(&self) -> Option<Duration> {
+        let Phase::Working(work) = &self.phase else { return None };
+        let late = work.tiles.awaits_display().then_some(work.late);
+        late.into_iter().chain(work.leave_by).min()
     }
 
-    /// # Errors
-    /// The event cannot be: the process that caused it is at fault, and this one must not go on.
-    pub fn handle(&mut self, event: Event) -> Result<Vec<Action>, Violation> {
+    fn frame_bytes_max(&self, peer: Role) -> usize {
+        match peer {
+            Role::Display => frame::frame_bytes_max::<ImageReply>(),
+            _ => frame::frame_bytes_max::<WorkReply>(),
+        }
+    }
+}
+
+impl Work {
+    fn begin(now: Duration, configuration: Box<NodeConfiguration>, actions: &mut Vec<Action>) -> Self {
+        let NodeConfiguration { cluster, master, display, tiling, .. } = *configuration;
+        let role = Role::Master(cluster);
+        actions.push(Action::Dial { id: MASTER, role, address: master, pause: Duration::ZERO });
+        let mut work = Self {
+            cluster,
+            tiles: Tiles::new(tiling, display),
+            master_reached: false,
+            ready: None,
+            display: DisplayLink { dialled: 0, loss: None },
+            late: now + ACKNOWLEDGE_DEADLINE,
+            leave_by: None,
+        };
+        work.dial(display, Duration::ZERO, actions);
+        actions.push(Action::Task(Task::Start(configuration)));
+        work
+    }
+
+    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
+        let display = ConnectionId::Dialled(self.display.dialled);
         match event {
-            Event::Leave => {
-                self.leaving = true;
-                Ok(Vec::new())
+            Event::Command(NodeCommand::Display(address)) => {
+                self.handle(now, tiles::Event::NewDisplay(address), actions)
             }
-            // It asks for nothing any more.
-            Event::TracerReady(_) if self.leaving => Ok(Vec::new()),
-            Event::TracerReady(packets) => {
-                self.asked = JOBS_PER_NODE;
-                let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
-                Ok(packets.map(Action::TellPackets).into_iter().chain(ask).collect())
+            Event::Command(NodeCommand::Configure(_)) => {
+                tracing::warn!("configured twice: the second is not heeded");
+                Ok(())
             }
-            Event::Job { tile, attempt, permit } => {
-                let tiles = self.tiling.tile_count();
-                let rect = self.tiling.rect(tile).ok_or(Violation::NoSuchTile { tile, tiles })?;
-                self.asked = self.asked.checked_sub(1).ok_or(Violation::Unasked { tile })?;
-                if self.leaving {
-                    // Somebody else gets it when this process has ended.
-                    return Ok(Vec::new());
+            Event::Terminate => {
+                self.leave_by.get_or_insert(now + LEAVE_DEADLINE);
+                self.handle(now, tiles::Event::Leave, actions)
+            }
+            Event::Dialled(MASTER) => {
+                self.master_reached = true;
+                match self.ready.take() {
+                    Some(packets) => self.handle(now, tiles::Event::TracerReady(packets), actions),
+                    None => Ok(()),
                 }
-                self.tracing += 1;
-                Ok(vec![Action::Trace(Job { tile, attempt, rect, permit })])
             }
-            Event::Traced(traced) => {
-                self.tracing = self.tracing.saturating_sub(1);
-                let send = self.reached.then(|| traced.send());
-                self.traced.push(traced);
-                Ok(send.into_iter().collect())
+            Event::Answer(Answer::Ready(packets)) if self.master_reached => {
+                self.handle(now, tiles::Event::TracerReady(packets), actions)
             }
-            Event::Acknowledged { tile, attempt, receipt } => {
-                let is_it = |traced: &Traced| (traced.done.tile, traced.done.attempt) == (tile, attempt);
-                let traced = self.traced.iter().position(is_it).filter(|_| self.reached);
-                let Traced { done, .. } = self.traced.remove(traced.ok_or(Violation::NotSent { tile, attempt })?);
-                if self.leaving {
-                    return Ok(vec![Action::TellDone { done, receipt }]);
+            Event::Answer(Answer::Ready(packets)) => {
+                self.ready = Some(packets);
+                Ok(())
+            }
+            Event::Answer(Answer::Failed(why)) | Event::Failed(why) => Err(NodeError::Tracer(why).into()),
+            Event::Received(MASTER, Incoming::Work(WorkReply::Job { tile, attempt, permit })) => {
+                self.handle(now, tiles::Event::Job { tile, attempt, permit }, actions)
+            }
+            Event::Closed(MASTER, None) => Err(NodeError::Left(Role::Master(self.cluster)).into()),
+            Event::Closed(MASTER, Some(Loss { why, .. })) => Err(NodeError::Master(why).into()),
+            Event::Dialled(id) if id == display => {
+                self.display.loss = None;
+                self.handle(now, tiles::Event::DisplayReached, actions)
+            }
+            Event::Received(id, Incoming::Image(reply)) if id == display => match reply {
+                ImageReply::Acknowledged { tile, attempt, receipt } => {
+                    self.handle(now, tiles::Event::Acknowledged { tile, attempt, receipt }, actions)
                 }
-                self.asked += 1;
-                Ok(vec![Action::TellDone { done, receipt }, Action::AskForTile])
+                ImageReply::Refused(why) => Err(NodeError::PixelsRefused(why).into()),
+            },
+            Event::Closed(id, loss) if id == display => {
+                let why = loss.map_or_else(|| "the display closed the connection".to_owned(), |loss| loss.why);
+                tracing::warn!("no display: {why}");
+                self.display.loss = Some(why);
+                self.handle(now, tiles::Event::DisplayLost, actions)
             }
-            Event::DisplayReached => {
-                self.reached = true;
-                Ok(self.traced.iter().map(Traced::send).collect())
-            }
-            Event::DisplayLost => Ok(vec![self.dial(REDIAL_PAUSE)]),
-            Event::NewDisplay(address) => {
-                self.address = address;
-                Ok(vec![self.dial(Duration::ZERO)])
-            }
+            Event::Deadline => self.look(now),
+            _ => Ok(()),
         }
     }
 
-    fn dial(&mut self, pause: Duration) -> Action {
-        self.reached = false;
-        Action::DialDisplay { address: self.address, pause }
+    fn look(&self, now: Duration) -> Result<(), End> {
+        if self.leave_by.is_some_and(|by| now >= by) {
+            return Err(End::Left);
+        }
+        if !self.tiles.awaits_display() || now < self.late {
+            return Ok(());
+        }
+        Err(match &self.display.loss {
+            Some(why) => NodeError::NoDisplay { why: why.clone() },
+            None => NodeError::Unacknowledged,
+        }
+        .into())
+    }
+
+    fn handle(&mut self, now: Duration, event: tiles::Event, actions: &mut Vec<Action>) -> Result<(), End> {
+        use tiles::Event::{Acknowledged, NewDisplay, Traced};
+        if matches!(event, Traced(_) | Acknowledged { .. } | NewDisplay(_)) || !self.tiles.awaits_display() {
+            self.late = now + ACKNOWLEDGE_DEADLINE;
+        }
+        for action in self.tiles.handle(event)? {
+            match action {
+                tiles::Action::TellPackets(packets) => actions.push(Action::Report(NodeReport::Packets(packets))),
+                tiles::Action::AskForTile => {
+                    actions.push(Action::Send(MASTER, Outgoing::Work(WorkRequest::Ready)));
+                }
+                tiles::Action::TellDone { done, receipt } => {
+                    actions.push(Action::Send(MASTER, Outgoing::Work(WorkRequest::Done { done, receipt })));
+                }
+                tiles::Action::Trace(job) => actions.push(Action::Task(Task::Trace(job))),
+                tiles::Action::DialDisplay { address, pause } => self.dial(address, pause, actions),
+                tiles::Action::SendPixels { tile, attempt, permit, pixels } => {
+                    let display = ConnectionId::Dialled(self.display.dialled);
+                    actions.push(Action::Send(display, Outgoing::Pixels { tile, attempt, permit, pixels }));
+                }
+            }
+        }
+        if self.tiles.has_left() { Err(End::Left) } else { Ok(()) }
+    }
+
+    /// Leaves whatever connection to a display there is, and makes another after a pause.
+    fn dial(&mut self, address: SocketAddr, pause: Duration, actions: &mut Vec<Action>) {
+        self.display.loss.get_or_insert_with(|| format!("{address} does not answer"));
+        if self.display.dialled > 0 {
+            actions.push(Action::Close(ConnectionId::Dialled(self.display.dialled)));
+        }
+        self.display.dialled += 1;
+        let id = ConnectionId::Dialled(self.display.dialled);
+        actions.push(Action::Dial { id, role: Role::Display, address, pause });
     }
 }
 
-impl Traced {
-    fn send(&self) -> Action {
-        let TileDone { tile, attempt, .. } = *self.done;
-        Action::SendPixels { tile, attempt, permit: self.permit, pixels: Arc::clone(&self.pixels) }
+impl driver::Incoming for Incoming {
+    fn decode(peer: Role, frame: BytesMut) -> Result<Self, CodecError> {
+        match peer {
+            Role::Display => Ok(Self::Image(frame::decode_whole(&frame)?)),
+            _ => Ok(Self::Work(frame::decode_whole(&frame)?)),
+        }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ids::{Epoch, NodeId};
-    use crate::picture::Sides;
-    use crate::protocol::mac::{Claim, MacKey};
-    use crate::tracer::TraceStats;
-    use crate::tracer::simd::Simd;
-
-    const CLAIM: Claim = Claim { tile: TileId(0), attempt: Attempt(0), node: NodeId(0), epoch: Epoch(0) };
-    const KEY: MacKey = MacKey::new([1; 32]);
-    const TILING: Tiling =
-        Tiling::new(Sides { width: 10, height: 10, tile_width: 4, tile_height: 4 }).expect("possible");
-
-    fn permit() -> Mac {
-        KEY.permit(CLAIM)
-    }
-
-    fn receipt() -> Mac {
-        KEY.receipt(CLAIM)
-    }
-
-    fn job(tile: u32) -> Event {
-        Event::Job { tile: TileId(tile), attempt: Attempt(0), permit: permit() }
-    }
-
-    fn done(tile: u32) -> Box<TileDone> {
-        Box::new(TileDone {
-            tile: TileId(tile),
-            attempt: Attempt(0),
-            trace: TraceStats::default(),
-            memory: None,
-            render_cpu_nanoseconds: 1,
-        })
-    }
-
-    fn tell_done(tile: u32) -> Action {
-        Action::TellDone { done: done(tile), receipt: receipt() }
-    }
-
-    fn display(port: u16) -> SocketAddr {
-        ([127, 0, 0, 1], port).into()
-    }
-
-    fn pixels(tile: u32) -> Arc<Pixels> {
-        Arc::new(Pixels { primitive: vec![tile as i32], ..Pixels::default() })
-    }
-
-    fn send(tile: u32) -> Action {
-        Action::SendPixels { tile: TileId(tile), attempt: Attempt(0), permit: permit(), pixels: pixels(tile) }
-    }
-
-    fn dial(port: u16, pause: Duration) -> Result<Vec<Action>, Violation> {
-        Ok(vec![Action::DialDisplay { address: display(port), pause }])
-    }
-
-    fn traced(tile: u32) -> Event {
-        Event::Traced(Traced { done: done(tile), pixels: pixels(tile), permit: permit() })
-    }
-
-    fn acknowledged(tile: u32) -> Event {
-        Event::Acknowledged { tile: TileId(tile), attempt: Attempt(0), receipt: receipt() }
-    }
-
-    fn ready() -> State {
-        let mut state = State::new(TILING, display(1));
-        assert_eq!(state.handle(Event::TracerReady(None)), Ok(vec![Action::AskForTile; JOBS_PER_NODE]));
-        assert!(state.awaits_display());
-        assert_eq!(state.handle(Event::DisplayReached), Ok(vec![]));
-        assert!(!state.awaits_display());
-        state
-    }
-
-    /// Every one of the tiles that may be held has been traced.
-    fn traced_all() -> State {
-        let mut state = ready();
-        for tile in 0..JOBS_PER_NODE as u32 {
-            state.handle(job(tile)).expect("asked for");
-            assert_eq!(state.handle(traced(tile)), Ok(vec![send(tile)]));
-        }
-        state
-    }
-
-    #[test]
-    fn a_node_that_traces_packets_says_so_first() {
-        let packets = Packets { simd: Simd::Scalar, derived_bytes: 1 };
-        let actions = State::new(TILING, display(1)).handle(Event::TracerReady(Some(packets))).expect("ready once");
-        assert_eq!(actions[..2], [Action::TellPackets(packets), Action::AskForTile]);
-    }
-
-    #[test]
-    fn a_tile_goes_its_way() {
-        let mut state = ready();
-        let rect = Rect { x: 8, y: 8, width: 2, height: 2 };
-        let (tile, attempt) = (TileId(8), Attempt(0));
-        assert_eq!(state.handle(job(8)), Ok(vec![Action::Trace(Job { tile, attempt, rect, permit: permit() })]));
-        assert!(!state.awaits_display());
-        assert_eq!(state.handle(traced(8)), Ok(vec![send(8)]));
-        assert!(state.awaits_display());
-        assert_eq!(state.handle(acknowledged(8)), Ok(vec![tell_done(8), Action::AskForTile]));
-        assert!(!state.awaits_display());
-    }
-
-    #[test]
-    fn no_more_tiles_are_held_than_allowed_however_they_come() {
-        let mut state = ready();
-        let (mut asked, mut held) = (JOBS_PER_NODE, Vec::new());
-        for tile in 0..9 {
-            assert!(asked + held.len() <= JOBS_PER_NODE);
-            asked -= 1;
-            held.push(tile);
-            state.handle(job(tile)).expect("asked for");
-            // Every third tile overtakes the one before it.
-            if asked == 0 {
-                let next = held.remove(if tile % 3 == 0 { held.len() - 1 } else { 0 });
-                state.handle(traced(next)).expect("held");
-                let actions = state.handle(acknowledged(next)).expect("sent");
-                asked += actions.iter().filter(|action| **action == Action::AskForTile).count();
+impl driver::Outgoing for Outgoing {
+    fn frame(&self, head: &mut Vec<u8>) -> Result<[&[u8]; 4], CodecError> {
+        match self {
+            Self::Work(request) => {
+                frame::encode_head(request, 0, head)?;
+                Ok([&[]; 4])
+            }
+            Self::Pixels { tile, attempt, permit, pixels } => {
+                let planes = pixels.planes();
+                let crc32c = planes.iter().fold(0, |crc, plane| crc32c::crc32c_append(crc, plane));
+                let pixels = TilePixels { tile: *tile, attempt: *attempt, permit: *permit, crc32c };
+                frame::encode_head(&pixels, planes.iter().map(|plane| plane.len()).sum(), head)?;
+                Ok(planes)
             }
         }
-    }
-
-    #[test]
-    fn a_node_that_goes_brings_its_tiles_to_their_end_and_takes_no_more() {
-        let mut state = ready();
-        state.handle(job(0)).expect("asked for");
-        assert_eq!(state.handle(Event::Leave), Ok(Vec::new()));
-        assert_eq!(state.handle(job(1)), Ok(Vec::new()), "it comes too late");
-        assert!(!state.has_left());
-        state.handle(traced(0)).expect("held");
-        assert!(!state.has_left());
-        assert_eq!(state.handle(acknowledged(0)), Ok(vec![tell_done(0)]));
-        assert!(state.has_left());
-    }
-
-    #[test]
-    fn a_new_display_gets_what_the_last_one_did_not_acknowledge() {
-        let mut state = traced_all();
-        state.handle(acknowledged(1)).expect("sent");
-        assert_eq!(state.handle(Event::DisplayLost), dial(1, REDIAL_PAUSE));
-        assert!(state.awaits_display());
-        // Nobody is there to have acknowledged anything.
-        assert!(state.handle(acknowledged(0)).is_err());
-        assert_eq!(state.handle(Event::DisplayLost), dial(1, REDIAL_PAUSE), "it cannot be dialled");
-        assert_eq!(state.handle(Event::NewDisplay(display(2))), dial(2, Duration::ZERO));
-        // What is traced meanwhile waits.
-        state.handle(job(4)).expect("asked for");
-        assert_eq!(state.handle(traced(4)), Ok(vec![]));
-        assert_eq!(state.handle(Event::DisplayLost), dial(2, REDIAL_PAUSE));
-        assert_eq!(state.handle(Event::DisplayReached), Ok([0, 2, 3, 4].map(send).to_vec()));
-        for tile in [0, 2, 3, 4] {
-            let told = vec![tell_done(tile), Action::AskForTile];
-            assert_eq!(state.handle(acknowledged(tile)), Ok(told));
-        }
-        assert!(!state.awaits_display());
-    }
-
-    #[test]
-    fn a_display_that_is_replaced_while_it_is_there_is_left() {
-        let mut state = traced_all();
-        assert_eq!(state.handle(Event::NewDisplay(display(2))), dial(2, Duration::ZERO));
-        assert_eq!(state.handle(Event::DisplayReached), Ok([0, 1, 2, 3].map(send).to_vec()));
-    }
-
-    #[test]
-    fn a_display_that_dies_before_it_is_dialled_holds_nothing_up() {
-        let mut state = State::new(TILING, display(1));
-        assert_eq!(state.handle(Event::DisplayLost), dial(1, REDIAL_PAUSE));
-        state.handle(Event::TracerReady(None)).expect("once");
-        state.handle(job(0)).expect("asked for");
-        assert_eq!(state.handle(traced(0)), Ok(vec![]));
-        assert_eq!(state.handle(Event::NewDisplay(display(2))), dial(2, Duration::ZERO));
-        assert_eq!(state.handle(Event::DisplayReached), Ok(vec![send(0)]));
-    }
-
-    #[test]
-    fn what_cannot_be_is_named() {
-        let mut state = ready();
-        assert_eq!(state.handle(job(9)), Err(Violation::NoSuchTile { tile: TileId(9), tiles: 9 }));
-        for tile in 0..JOBS_PER_NODE as u32 {
-            state.handle(job(tile)).expect("asked for");
-        }
-        assert_eq!(state.handle(job(3)), Err(Violation::Unasked { tile: TileId(3) }));
-        let early = state.handle(acknowledged(0));
-        assert_eq!(early, Err(Violation::NotSent { tile: TileId(0), attempt: Attempt(0) }));
-        state.handle(traced(0)).expect("held");
-        state.handle(acknowledged(0)).expect("sent");
-        assert!(state.handle(acknowledged(0)).is_err(), "a tile is acknowledged once");
     }
 }

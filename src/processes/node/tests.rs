@@ -4,9 +4,10 @@ use std::net::Ipv4Addr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread;
+use std::time::Duration;
 
 use glam::DVec3;
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 use super::*;
@@ -18,12 +19,12 @@ use crate::machine::specification::{LocalMemory, MemorySize, Replacement};
 use crate::machine::transaction::FetchRequest;
 use crate::picture::{AovSet, ImageSettings, Pixels, Sides, Tiling};
 use crate::protocol::connection::{Credentials, Listener};
-use crate::protocol::control::Bootstrap;
-use crate::protocol::hello::RunToken;
+use crate::protocol::control::{Bootstrap, NodeCommand, NodeConfiguration, NodeReport};
+use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
-use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
 use crate::scene::{Camera, Light, Material, Scene, Sphere};
 use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildParameters, build_database};
@@ -177,7 +178,7 @@ async fn play_mortal_display(mut listener: Listener, tiles_max: usize) -> Vec<Ve
     tiles
 }
 
-type Node = thread::JoinHandle<Result<(), NodeError>>;
+type Node = thread::JoinHandle<Result<(), ProcessError>>;
 
 /// Starts a node as [`run`] does, but without standard input and log. What is returned commands it.
 async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeCommand>, Node) {
@@ -193,14 +194,7 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
         log: None,
         heartbeat_milliseconds: 50,
     };
-    let node = thread::spawn(|| {
-        let child = Child::new(bootstrap, false).expect("no keys");
-        let mut link = ControlLink::open(&child).expect("welcome");
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        let outcome = runtime.block_on(work(&child, &mut link)).map(drop);
-        link.close();
-        outcome
-    });
+    let node = thread::spawn(|| run(&Child::new(bootstrap, false).expect("no keys")));
     let (_, connection) = manager.arrival().await.expect("the node");
     let (mut to_node, mut from_node) = connection.split::<NodeCommand, NodeReport>();
     to_node.send(&NodeCommand::Configure(Box::new(configuration))).await.expect("awaited");
@@ -234,7 +228,7 @@ fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3])
     }
 }
 
-async fn ended(node: Node) -> Result<(), NodeError> {
+async fn ended(node: Node) -> Result<(), ProcessError> {
     let join = tokio::task::spawn_blocking(|| node.join().expect("no panic"));
     timeout(SOON, join).await.expect("in time").expect("no panic")
 }

@@ -1,7 +1,7 @@
 //! What a node traces tiles from.
 
 use super::bus_lines::BusLines;
-use super::state::Job;
+use super::tiles::Job;
 use crate::machine::local_memory::MemoryError;
 use crate::machine::stats::MemoryStats;
 use crate::picture::{AovSet, Pixels};

@@ -12,8 +12,8 @@ use tokio::sync::mpsc;
 
 use super::bus_lines::BusLines;
 use super::memory;
-use super::state::{Job, Traced};
 use super::tile_memory::TileMemory;
+use super::tiles::{Job, Traced};
 use crate::picture::AovSet;
 use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use super::bus_lines::BusLines;
-use super::state::Job;
 use super::tile_memory::{TileMemory, TraceError};
+use super::tiles::Job;
 use crate::database::verify::{Corrupt, Verified};
 use crate::database::{Database, Header};
 use crate::ids::Address;

@@ -6,7 +6,8 @@ use super::child::{BADLY, Child, WELL};
 use super::network::{Message, Network, Parcel, Wire};
 use crate::ids::{Attempt, Producer, TileId};
 use crate::journal::Record;
-use crate::processes::display::state::{Action, ConnectionId, Event, Finished, Source, State};
+use crate::processes::display::composition::{Action, Composition, Event, Finished, Source};
+use crate::processes::driver::ConnectionId;
 use crate::processes::manager::process::{Command, Report};
 use crate::processes::manager::rehearsal;
 use crate::protocol::control::{DisplayCommand, DisplayConfiguration, DisplayReport, DisplayTotals};
@@ -27,7 +28,7 @@ enum Entry {
 pub(super) struct Display {
     pub(super) child: Child,
     /// Once it is configured, and until it is to finish.
-    state: Option<State>,
+    state: Option<Composition>,
     peers: BTreeMap<ConnectionId, (Wire, Source)>,
     connections: u64,
     /// The image is written.
@@ -44,7 +45,7 @@ impl Journal {
         });
     }
 
-    fn restore(&self, state: &mut State) {
+    fn restore(&self, state: &mut Composition) {
         for entry in &self.entries {
             let record = match entry {
                 Entry::Pixels { tile, attempt, producer, planes } => {
@@ -74,7 +75,7 @@ impl Display {
         match parcel {
             Parcel::Hello(peer) => {
                 let Some(node) = peer.node() else { return network.close(self.child.me, wire) };
-                self.peers.insert(ConnectionId(self.connections), (wire, (node, peer.epoch)));
+                self.peers.insert(ConnectionId::Accepted(self.connections), (wire, (node, peer.epoch)));
                 self.connections += 1;
                 network.welcome(self.child.me, wire);
             }
@@ -119,7 +120,7 @@ impl Display {
     }
 
     fn configure(&mut self, network: &mut Network, journal: &mut Journal, configuration: &DisplayConfiguration) {
-        let Ok(mut state) = State::new(configuration, rehearsal::RUN) else {
+        let Ok(mut state) = Composition::new(configuration, rehearsal::RUN) else {
             return network.exit(self.child.me, BADLY);
         };
         if !configuration.resume {

@@ -9,8 +9,8 @@ use super::stopwatch::Stopwatch;
 
 use crate::machine::totals::MasterTotals;
 use crate::processes::manager::process::{Command, ProcessId, Report};
+use crate::processes::master::dispatcher::{Action, Dispatcher, Event};
 use crate::processes::master::seat::NodeProcess;
-use crate::processes::master::state::{Action, Event, State};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport};
 
 /// As the shell's.
@@ -21,7 +21,7 @@ pub(super) struct Master {
     pub(super) child: Child,
     configuration: Option<MasterConfiguration>,
     /// Once the bus is connected.
-    state: Option<State>,
+    state: Option<Dispatcher>,
     bus: Option<Wire>,
     peers: BTreeMap<Wire, NodeProcess>,
     /// Most tiles that it had, queued or handed out, a node.
@@ -81,7 +81,7 @@ impl Master {
 
     /// The bus has answered.
     fn serve(&mut self, network: &mut Network) {
-        self.state = self.configuration.as_ref().map(State::new);
+        self.state = self.configuration.as_ref().map(Dispatcher::new);
         let address = Network::address(self.child.me);
         self.child.report(network, Report::Master(MasterReport::Listening(address)));
         network.wake(self.child.me, Duration::ZERO, Timer::Tick);

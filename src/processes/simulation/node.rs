@@ -13,7 +13,7 @@ use crate::ids::{Attempt, TileId};
 use crate::machine::specification::MemorySize;
 use crate::picture::Pixels;
 use crate::processes::manager::process::{Command, Report};
-use crate::processes::node::state::{Action, Event, Job, State, Traced};
+use crate::processes::node::tiles::{Action, Event, Job, Tiles, Traced};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport, Packets};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::Mac;
@@ -32,7 +32,7 @@ pub(super) struct Node {
     pub(super) corrupt: bool,
     configuration: Option<Box<NodeConfiguration>>,
     /// Once the master has let it in.
-    state: Option<State>,
+    state: Option<Tiles>,
     master: Option<Wire>,
     bus: Option<Wire>,
     display: DisplayLink,
@@ -146,7 +146,7 @@ impl Node {
     fn start(&mut self, network: &mut Network) {
         let Some(configuration) = &self.configuration else { return };
         let (display, bus) = (configuration.display, configuration.bus);
-        self.state = Some(State::new(configuration.tiling, display));
+        self.state = Some(Tiles::new(configuration.tiling, display));
         self.bus = Some(network.dial(self.child.me, self.child.id, bus, BUS_DEADLINE));
         self.late = network.now + ACKNOWLEDGE_DEADLINE;
         network.wake(self.child.me, ACKNOWLEDGE_DEADLINE, Timer::Late);
@@ -257,7 +257,7 @@ impl Node {
                 }
             }
         }
-        if self.state.as_ref().is_some_and(State::has_left) {
+        if self.state.as_ref().is_some_and(Tiles::has_left) {
             self.has_left(network);
         }
     }

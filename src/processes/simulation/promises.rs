@@ -13,7 +13,7 @@ use super::fake_tracer;
 use super::schedule::{Fault, Schedule, What};
 use super::world::{Body, World};
 use crate::ids::TileId;
-use crate::processes::display::state::Finished;
+use crate::processes::display::composition::Finished;
 use crate::processes::manager::process::ProcessId;
 use crate::processes::manager::rehearsal::End;
 use crate::protocol::hello::Role;

@@ -8,7 +8,6 @@ pub mod credentials;
 mod halves;
 pub mod handshake;
 pub mod listener;
-mod queued;
 pub mod read_buffer;
 pub mod socket;
 mod strangers;
@@ -31,7 +30,6 @@ pub use blocking::BlockingConnection;
 pub use credentials::{Credentials, Introduction};
 pub use handshake::{Peer, accept, connect};
 pub use listener::{Arrival, Listener};
-pub use queued::QueuedSender;
 pub use socket::Socket;
 pub use tls::Tls;
 
@@ -172,16 +170,17 @@ impl Connection {
     }
 
     /// The two directions of a conversation, whose frames may be as long as its messages allow.
-    pub fn split<Out: Message, In: Message>(mut self) -> (Sender<Out>, Receiver<In>) {
-        self.frames.decoder_mut().bytes_max = frame::frame_bytes_max::<In>();
-        let sender = Sender {
-            writer: self.writer,
-            buffer: Vec::new(),
-            peer: Arc::clone(&self.peer),
-            wire_bytes: 0,
-            message: PhantomData,
-        };
-        (sender, Receiver { frames: self.frames, peer: self.peer, wire_bytes: 0, message: PhantomData })
+    pub fn split<Out: Message, In: Message>(self) -> (Sender<Out>, Receiver<In>) {
+        let (sender, receiver) = self.split_frames(frame::frame_bytes_max::<In>());
+        let sender = Sender { frames: sender, buffer: Vec::new(), message: PhantomData };
+        (sender, Receiver { frames: receiver, message: PhantomData })
+    }
+
+    /// The two directions as frames, of which those that come have at most so many bytes.
+    pub fn split_frames(mut self, bytes_max: usize) -> (FrameSender, FrameReceiver) {
+        self.frames.decoder_mut().bytes_max = bytes_max;
+        let sender = FrameSender { writer: self.writer, peer: Arc::clone(&self.peer), wire_bytes: 0 };
+        (sender, FrameReceiver { frames: self.frames, peer: self.peer, wire_bytes: 0 })
     }
 
     /// The bare socket, non-blocking, for a loop that does its own reading.
@@ -196,13 +195,48 @@ impl Connection {
     }
 }
 
+/// The direction in which frames go out.
+#[derive(Debug)]
+pub struct FrameSender {
+    writer: WriteHalf,
+    peer: Arc<str>,
+    wire_bytes: u64,
+}
+
+impl FrameSender {
+    /// Sends a whole frame, its length included.
+    ///
+    /// # Errors
+    /// The peer is gone, or does not read within [`WRITE_DEADLINE`].
+    pub async fn send(&mut self, frame: impl Buf) -> Result<(), ConnectionError> {
+        let bytes = frame.remaining();
+        write_frame(&mut self.writer, frame, WRITE_DEADLINE).await.map_err(|fault| fault.of(&self.peer))?;
+        self.wire_bytes += bytes as u64;
+        Ok(())
+    }
+
+    /// Bytes sent since the handshake.
+    pub fn wire_bytes(&self) -> u64 {
+        self.wire_bytes
+    }
+
+    /// What is wrong with what was to be sent to this peer.
+    pub fn error(&self, fault: impl Into<Fault>) -> ConnectionError {
+        fault.into().of(&self.peer)
+    }
+
+    /// Tells the peer that nothing more comes; it can still be listened to.
+    pub async fn finish(mut self) {
+        // An error means that the peer is gone, which is the aim.
+        let _ = timeout(WRITE_DEADLINE, self.writer.shutdown()).await;
+    }
+}
+
 /// The direction in which messages of one kind go out.
 #[derive(Debug)]
 pub struct Sender<M> {
-    writer: WriteHalf,
+    frames: FrameSender,
     buffer: Vec<u8>,
-    peer: Arc<str>,
-    wire_bytes: u64,
     message: PhantomData<fn(M)>,
 }
 
@@ -220,23 +254,18 @@ impl<M: Message> Sender<M> {
     pub async fn send_with_bulk(&mut self, message: &M, bulk: impl Buf) -> Result<(), ConnectionError> {
         self.buffer.clear();
         frame::encode_head(message, bulk.remaining(), &mut self.buffer)
-            .map_err(|error| Fault::from(error).of(&self.peer))?;
-        let bytes = self.buffer.len() + bulk.remaining();
-        let frame = self.buffer.as_slice().chain(bulk);
-        write_frame(&mut self.writer, frame, WRITE_DEADLINE).await.map_err(|fault| fault.of(&self.peer))?;
-        self.wire_bytes += bytes as u64;
-        Ok(())
+            .map_err(|error| Fault::from(error).of(&self.frames.peer))?;
+        self.frames.send(self.buffer.as_slice().chain(bulk)).await
     }
 
     /// Bytes sent since the handshake.
     pub fn wire_bytes(&self) -> u64 {
-        self.wire_bytes
+        self.frames.wire_bytes
     }
 
     /// Tells the peer that nothing more comes; it can still be listened to.
-    pub async fn finish(mut self) {
-        // An error means that the peer is gone, which is the aim.
-        let _ = timeout(WRITE_DEADLINE, self.writer.shutdown()).await;
+    pub async fn finish(self) {
+        self.frames.finish().await;
     }
 }
 
@@ -252,30 +281,55 @@ async fn write_frame(writer: &mut WriteHalf, mut frame: impl Buf, deadline: Dura
     }
 }
 
-/// The direction from which messages of one kind come in.
+/// The direction from which frames come in.
 #[derive(Debug)]
-pub struct Receiver<M> {
+pub struct FrameReceiver {
     frames: FramedRead<ReadHalf, FrameDecoder>,
     peer: Arc<str>,
     wire_bytes: u64,
-    message: PhantomData<fn() -> M>,
 }
 
-impl<M: Message> Receiver<M> {
-    /// Allows fewer bulk bytes than the conversation would, once more is known of it.
-    #[must_use]
-    pub fn with_bulk_bytes_max(mut self, bytes: usize) -> Self {
-        self.frames.decoder_mut().bytes_max = M::BYTES_MAX + bytes.min(M::BULK_BYTES_MAX);
-        self
-    }
-
-    pub fn peer(&self) -> &Arc<str> {
-        &self.peer
+impl FrameReceiver {
+    /// What follows the length of the next frame; `None` when the peer closed between two. May be cancelled without losing
+    /// one.
+    ///
+    /// # Errors
+    /// The connection is torn, or a frame is too long: nothing more can be received.
+    pub async fn receive(&mut self) -> Result<Option<BytesMut>, ConnectionError> {
+        let Some(frame) = self.frames.next().await else {
+            return Ok(None);
+        };
+        let frame = frame.map_err(|fault| fault.of(&self.peer))?;
+        self.wire_bytes += (frame::PREFIX_BYTES + frame.len()) as u64;
+        Ok(Some(frame))
     }
 
     /// Bytes received since the handshake, in whole frames.
     pub fn wire_bytes(&self) -> u64 {
         self.wire_bytes
+    }
+
+    /// What is wrong with what this peer sent.
+    pub fn error(&self, fault: impl Into<Fault>) -> ConnectionError {
+        fault.into().of(&self.peer)
+    }
+}
+
+/// The direction from which messages of one kind come in.
+#[derive(Debug)]
+pub struct Receiver<M> {
+    frames: FrameReceiver,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M: Message> Receiver<M> {
+    pub fn peer(&self) -> &Arc<str> {
+        &self.frames.peer
+    }
+
+    /// Bytes received since the handshake, in whole frames.
+    pub fn wire_bytes(&self) -> u64 {
+        self.frames.wire_bytes
     }
 
     /// The next message, which has no bulk bytes; `None` when the peer closed between two frames. May be
@@ -284,13 +338,10 @@ impl<M: Message> Receiver<M> {
     /// # Errors
     /// The connection is torn, or what came is not such a message: nothing more can be received.
     pub async fn receive(&mut self) -> Result<Option<M>, ConnectionError> {
-        match self.receive_with_bulk().await? {
-            Some((_, bulk)) if !bulk.is_empty() => {
-                Err(Fault::from(CodecError::UnexpectedBulk { name: M::NAME, bytes: bulk.len(), bytes_max: 0 })
-                    .of(&self.peer))
-            }
-            received => Ok(received.map(|(message, _)| message)),
-        }
+        let Some(frame) = self.frames.receive().await? else {
+            return Ok(None);
+        };
+        frame::decode_whole(&frame).map(Some).map_err(|error| self.frames.error(error))
     }
 
     /// As [`Self::receive`], with the bulk bytes that follow the message.
@@ -298,12 +349,10 @@ impl<M: Message> Receiver<M> {
     /// # Errors
     /// As [`Self::receive`].
     pub async fn receive_with_bulk(&mut self) -> Result<Option<(M, BytesMut)>, ConnectionError> {
-        let Some(frame) = self.frames.next().await else {
+        let Some(mut frame) = self.frames.receive().await? else {
             return Ok(None);
         };
-        let mut frame = frame.map_err(|fault| fault.of(&self.peer))?;
-        self.wire_bytes += (frame::PREFIX_BYTES + frame.len()) as u64;
-        let (message, bulk) = frame::decode::<M>(&frame).map_err(|error| Fault::from(error).of(&self.peer))?;
+        let (message, bulk) = frame::decode::<M>(&frame).map_err(|error| self.frames.error(error))?;
         let message_bytes = frame.len() - bulk.len();
         frame.advance(message_bytes);
         Ok(Some((message, frame)))
@@ -316,7 +365,7 @@ impl<M: Message> Receiver<M> {
     pub async fn receive_within(&mut self, deadline: Duration) -> Result<Option<M>, ConnectionError> {
         match timeout(deadline, self.receive()).await {
             Ok(received) => received,
-            Err(_) => Err(Fault::Silent { awaited: M::NAME, deadline }.of(&self.peer)),
+            Err(_) => Err(self.frames.error(Fault::Silent { awaited: M::NAME, deadline })),
         }
     }
 }

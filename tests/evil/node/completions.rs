@@ -3,7 +3,7 @@
 use std::process;
 
 use marti::ids::{Attempt, TileId};
-use marti::processes::node::state::Job;
+use marti::processes::node::tiles::Job;
 use marti::protocol::mac::Mac;
 use marti::protocol::work::TileDone;
 use tokio::time::Instant;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use marti::ids::{Attempt, TileId};
-use marti::processes::node::state::{Job, Traced};
+use marti::processes::node::tiles::{Job, Traced};
 use marti::processes::node::tracer_thread::{FromTracer, Tracer};
 use marti::protocol::connection::{Receiver, Sender};
 use marti::protocol::control::{NodeCommand, NodeReport};

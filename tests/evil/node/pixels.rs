@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use marti::ids::{Attempt, TileId};
 use marti::picture::Pixels;
-use marti::processes::node::state::Traced;
+use marti::processes::node::tiles::Traced;
 use marti::protocol::image::TilePixels;
 use marti::protocol::mac::Mac;
 use tokio::time::{Instant, sleep_until};

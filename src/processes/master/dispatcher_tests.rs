@@ -17,8 +17,8 @@ fn first(node: u16) -> NodeProcess {
     NodeProcess { node: NodeId(node), epoch: Epoch(0) }
 }
 
-fn state(nodes: u16) -> State {
-    let mut state = State::new(&MasterConfiguration {
+fn state(nodes: u16) -> Dispatcher {
+    let mut state = Dispatcher::new(&MasterConfiguration {
         bus: ([127, 0, 0, 1], 1).into(),
         first_node: NodeId(0),
         nodes,
@@ -32,15 +32,15 @@ fn state(nodes: u16) -> State {
     state
 }
 
-fn at(state: &mut State, milliseconds: u64, event: Event) -> Vec<Action> {
+fn at(state: &mut Dispatcher, milliseconds: u64, event: Event) -> Vec<Action> {
     state.handle(Duration::from_millis(milliseconds), event)
 }
 
-fn command(state: &mut State, command: MasterCommand) -> Vec<Action> {
+fn command(state: &mut Dispatcher, command: MasterCommand) -> Vec<Action> {
     at(state, 0, Event::Command(command))
 }
 
-fn tiles(state: &mut State, tiles: impl IntoIterator<Item = (u32, Option<u16>)>) -> Vec<Action> {
+fn tiles(state: &mut Dispatcher, tiles: impl IntoIterator<Item = (u32, Option<u16>)>) -> Vec<Action> {
     let grant = |(tile, node): (u32, Option<u16>)| TileGrant {
         tile: TileId(tile),
         attempt: Attempt(0),
@@ -50,11 +50,11 @@ fn tiles(state: &mut State, tiles: impl IntoIterator<Item = (u32, Option<u16>)>)
     command(state, MasterCommand::Tiles(tiles.into_iter().map(grant).collect()))
 }
 
-fn ready(state: &mut State, node: u16) -> Vec<Action> {
+fn ready(state: &mut Dispatcher, node: u16) -> Vec<Action> {
     request(state, node, WorkRequest::Ready)
 }
 
-fn done(state: &mut State, node: u16, tile: u32) -> Vec<Action> {
+fn done(state: &mut Dispatcher, node: u16, tile: u32) -> Vec<Action> {
     let done = TileDone {
         tile: TileId(tile),
         attempt: Attempt(0),
@@ -66,7 +66,7 @@ fn done(state: &mut State, node: u16, tile: u32) -> Vec<Action> {
     request(state, node, WorkRequest::Done { done: Box::new(done), receipt })
 }
 
-fn request(state: &mut State, node: u16, request: WorkRequest) -> Vec<Action> {
+fn request(state: &mut Dispatcher, node: u16, request: WorkRequest) -> Vec<Action> {
     at(state, 0, Event::Request(first(node), request))
 }
 
@@ -86,7 +86,7 @@ fn reports(actions: Vec<Action>) -> Vec<MasterReport> {
     actions.into_iter().filter_map(report).collect()
 }
 
-fn totals(state: &mut State) -> MasterTotals {
+fn totals(state: &mut Dispatcher) -> MasterTotals {
     let actions = command(state, MasterCommand::Finish);
     let Some(Action::End(totals)) = actions.last() else { panic!("no end in {actions:?}") };
     assert_eq!(
@@ -109,7 +109,7 @@ fn tiles_go_to_whoever_asks_first() {
 
 #[test]
 fn the_manager_is_asked_ahead_and_in_handfuls() {
-    let mut state = State::new(&MasterConfiguration {
+    let mut state = Dispatcher::new(&MasterConfiguration {
         bus: ([127, 0, 0, 1], 1).into(),
         first_node: NodeId(0),
         nodes: 2,

@@ -1,14 +1,15 @@
 //! The display's decisions, event by event.
 
-use super::state::{Action, ConnectionId, Event, Finished, Source, State};
+use super::composition::{Action, Composition, Event, Finished, Source};
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::journal::Record;
 use crate::picture::{AovSet, Pixels, Sides, Tiling};
+use crate::processes::driver::ConnectionId;
 use crate::protocol::control::{Comparison, DisplayConfiguration, DisplayReport, PRODUCERS_MAX, TileSet};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 
-const NODE: ConnectionId = ConnectionId(3);
+const NODE: ConnectionId = ConnectionId::Accepted(3);
 const SOURCE: Source = (NodeId(7), Epoch(1));
 const OTHER: Source = (NodeId(8), Epoch(0));
 const RUN: RunId = RunId(1);
@@ -30,8 +31,8 @@ fn configuration() -> DisplayConfiguration {
     }
 }
 
-fn state() -> State {
-    State::new(&configuration(), RUN).expect("a small image")
+fn state() -> Composition {
+    Composition::new(&configuration(), RUN).expect("a small image")
 }
 
 fn producer((node, epoch): Source) -> Producer {
@@ -50,12 +51,12 @@ fn claim((node, epoch): Source, tile: u32, attempt: u32) -> Claim {
     Claim { tile: TileId(tile), attempt: Attempt(attempt), node, epoch }
 }
 
-fn send<'a>(state: &mut State, source: Source, tile: u32, attempt: u32, bytes: &'a [u8]) -> Vec<Action<'a>> {
+fn send<'a>(state: &mut Composition, source: Source, tile: u32, attempt: u32, bytes: &'a [u8]) -> Vec<Action<'a>> {
     send_by(state, source, (tile, attempt), KEY.permit(claim(source, tile, attempt)), bytes)
 }
 
 fn send_by<'a>(
-    state: &mut State,
+    state: &mut Composition,
     source: Source,
     (tile, attempt): (u32, u32),
     permit: Mac,
@@ -116,7 +117,7 @@ impl Journal {
     }
 
     /// What a display of this run begins with; the records are an earlier run's, if `run` is another.
-    fn restored(&self, run: RunId) -> State {
+    fn restored(&self, run: RunId) -> Composition {
         let mut state = state();
         for (producer, pixels) in &self.0 {
             let producer = Producer { run, ..*producer };
@@ -248,7 +249,7 @@ fn it_reports_whose_pixels_are_in_the_frame() {
         // The last one is compared, and not kept.
         journal.append(&send(&mut first, source, tile, attempt, &planes(tile, 0.5)));
     }
-    let shares = |state: &mut State| {
+    let shares = |state: &mut Composition| {
         let actions = state.handle(Event::TellHoldings { question: 3 });
         let [Action::Report(DisplayReport::Holdings { question: 3, holdings })] = &actions[..] else {
             panic!("{actions:?}")
@@ -268,7 +269,8 @@ fn tiles_of_more_processes_than_can_be_reported_are_rendered_again() {
     let tiling = Tiling::new(Sides { width: PRODUCERS_MAX as u32 / 2 + 1, height: 2, tile_width: 1, tile_height: 1 })
         .expect("possible");
     let aov = AovSet::default();
-    let mut state = State::new(&DisplayConfiguration { tiling, aov, ..configuration() }, RUN).expect("a small image");
+    let mut state =
+        Composition::new(&DisplayConfiguration { tiling, aov, ..configuration() }, RUN).expect("a small image");
     for tile in 0..=PRODUCERS_MAX as u32 {
         let producer = Producer { run: RunId(u64::from(tile)), ..Producer::default() };
         state.restore(&Record::Pixels { tile: TileId(tile), attempt: Attempt(0), producer, planes: &[0; 12] });
