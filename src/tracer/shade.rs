@@ -47,8 +47,8 @@ impl Shader {
             hero: Hero::new(header, mailbox),
             lights: view.normalised_lights(&header.normalisation),
             background: view.background.as_vec3(),
-            depth: view.image.depth,
-            cutoff: view.image.cutoff,
+            depth: view.image.depth(),
+            cutoff: view.image.cutoff(),
         }
     }
 
