@@ -1,6 +1,6 @@
 //! How light goes on at a surface; for one ray or several side by side.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::simd::lanes::Doubles;
 use super::vector::{V3, dot, length, normalise_or, scale, select, splat, sub, weighted};
@@ -34,12 +34,53 @@ pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
     sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
 }
 
-/// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
-/// by the geometric normal, which points outward.
-pub fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
+/// What a ray that a surface sends on adds to the surface's radiance.
+#[derive(Clone, Copy, Debug)]
+pub struct Share {
+    /// Of the radiance that the ray brings, by channel.
+    pub by_channel: Vec3,
+    /// Share of the pixel that the ray decides, in the strongest channel.
+    pub weight: f32,
+}
+
+impl Share {
+    /// All of a pixel.
+    pub const WHOLE: Self = Self { by_channel: Vec3::ONE, weight: 1.0 };
+}
+
+/// The rays that a surface sends on: a reflected one, along the mirrored direction, and a refracted one with its
+/// direction, not of unit length. `weight` is that of the ray along `incoming`; one that does not exceed `cutoff` is
+/// not sent.
+#[inline(always)]
+pub fn scatter(
+    material: &Material,
+    outward: DVec3,
+    normal: DVec3,
+    incoming: DVec3,
+    weight: f32,
+    cutoff: f32,
+) -> (Option<Share>, Option<(Share, DVec3)>) {
+    let share = |by_channel: Vec3| {
+        let share = Share { by_channel, weight: weight * by_channel.max_element() };
+        (share.weight > cutoff).then_some(share)
+    };
+    let reflection = Vec3::from(material.reflection);
     if !(material.transmittance > 0.0) {
-        return None;
+        return (share(reflection), None);
     }
+    match refract(material, outward, normal, incoming) {
+        Some(direction) => {
+            let refraction = share(Vec3::splat(material.transmittance));
+            (share(reflection), refraction.map(|share| (share, direction)))
+        }
+        // Total internal reflection: what cannot leave is reflected.
+        None => (share(reflection + material.transmittance), None),
+    }
+}
+
+/// Snell's direction through the surface; `None` if it reflects totally. The side is told by the geometric normal, which
+/// points outward.
+fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
     let ior = f64::from(material.ior);
     let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
     let cosine = -incoming.dot(normal);

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{facing, mirrored, refract, smooth, towards};
+use super::optics::{Share, facing, mirrored, scatter, smooth, towards};
 use super::power::power;
 use super::ray::Ray;
 use super::stats::TraceStats;
@@ -109,24 +109,13 @@ impl Shader {
         if ancestry.bounces == self.depth {
             return Ok(radiance);
         }
-        let mut reflection = Vec3::from(material.reflection);
-        let refracted = refract(&material, point.normal, normal, incoming);
-        if material.transmittance > 0.0 && refracted.is_none() {
-            // Total internal reflection: what cannot leave is reflected.
-            reflection += material.transmittance;
-        }
-        let rays = [
-            (RayKind::Reflection, reflection, Some(mirrored)),
-            (RayKind::Refraction, Vec3::splat(material.transmittance), refracted),
-        ];
-        for (kind, share, direction) in rays {
-            let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight: ancestry.weight * share.max_element() };
-            if let Some(direction) = direction
-                && ancestry.weight > self.cutoff
-            {
-                let direction = direction.normalize();
-                let ray = Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
-                radiance += share * self.secondary(port, kind, &ray, ancestry, stats)?;
+        let (reflection, refraction) = scatter(&material, point.normal, normal, incoming, ancestry.weight, self.cutoff);
+        let reflection = reflection.map(|share| (share, mirrored));
+        for (kind, ray) in [(RayKind::Reflection, reflection), (RayKind::Refraction, refraction)] {
+            if let Some((Share { by_channel, weight }, direction)) = ray {
+                let ray = point.leaving(direction.normalize(), f32::INFINITY);
+                let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight };
+                radiance += by_channel * self.secondary(port, kind, &ray, ancestry, stats)?;
             }
         }
         Ok(radiance)
@@ -154,7 +143,7 @@ impl Shader {
             }
             stats.rays[RayKind::Shadow as usize] += 1;
             port.set_ray_kind(RayKind::Shadow);
-            let ray = Ray::leaving(point.position, point.normal, direction, distance as f32, point.source);
+            let ray = point.leaving(direction, distance as f32);
             if !self.hero.occluded(port, &ray, stats)? {
                 let diffuse = Vec3::from(material.diffuse) * cosine as f32;
                 radiance += colour * (diffuse + highlight(material, mirrored.dot(direction) as f32));
@@ -174,7 +163,9 @@ fn highlight(material: &Material, cosine: f32) -> Vec3 {
     }
 }
 
-fn shading_normal<M: MemoryPort>(
+/// The normal that a surface is shaded by, not yet turned to where the ray comes from.
+#[inline(always)]
+pub(super) fn shading_normal<M: MemoryPort>(
     port: &mut M,
     hit: &Hit,
     point: &SurfacePoint,
