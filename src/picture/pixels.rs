@@ -50,9 +50,12 @@ impl Pixels {
     /// Makes pixels black whose colours are not finite; how many.
     pub fn blacken_non_finite(&mut self) -> u64 {
         let mut count = 0;
-        for colour in self.colour.iter_mut().filter(|colour| !colour.iter().all(|channel| channel.is_finite())) {
-            *colour = [0.0; 3];
-            count += 1;
+        for colour in &mut self.colour {
+            let [r, g, b] = *colour;
+            if !(r.is_finite() & g.is_finite() & b.is_finite()) {
+                *colour = [0.0; 3];
+                count += 1;
+            }
         }
         count
     }

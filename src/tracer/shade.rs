@@ -7,8 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{Share, facing, mirrored, scatter, smooth, towards};
-use super::power::power;
+use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, scatter, smooth};
 use super::ray::Ray;
 use super::stats::TraceStats;
 use super::view::View;
@@ -109,7 +108,8 @@ impl Shader {
         if ancestry.bounces == self.depth {
             return Ok(radiance);
         }
-        let (reflection, refraction) = scatter(&material, point.normal, normal, incoming, ancestry.weight, self.cutoff);
+        let refracted = || refract(&material, point.normal, normal, incoming);
+        let (reflection, refraction) = scatter(&material, ancestry.weight, self.cutoff, refracted);
         let reflection = reflection.map(|share| (share, mirrored));
         for (kind, ray) in [(RayKind::Reflection, reflection), (RayKind::Refraction, refraction)] {
             if let Some((Share { by_channel, weight }, direction)) = ray {
@@ -131,35 +131,30 @@ impl Shader {
         material: &Material,
         stats: &mut TraceStats,
     ) -> Result<Vec3, M::Error> {
-        let mut radiance = Vec3::ZERO;
+        let (outward, normal, mirrored) = (point.normal.to_array(), normal.to_array(), mirrored.to_array());
+        let finish = Finish { diffuse: material.diffuse, highlight: material.highlight, shine: &[material.shine] };
+        let mut radiance = [0.0; 3];
         for light in 0..self.lights.len() {
             let (position, colour) = self.lights[light];
-            let (direction, distance) = towards(position.to_array(), point.position.to_array());
-            let direction = DVec3::from(direction);
-            let cosine = normal.dot(direction);
-            // False for NaN too: a light on the very point of the surface does not light it.
-            if !(cosine > 0.0) {
+            let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored);
+            if to_light.turned_to == 0 {
                 continue;
             }
             stats.rays[RayKind::Shadow as usize] += 1;
             port.set_ray_kind(RayKind::Shadow);
-            let ray = point.leaving(direction, distance as f32);
+            let ray = Ray {
+                origin: to_light.origin.map(|c| c as f32),
+                direction: to_light.direction.map(|c| c as f32),
+                t_max: to_light.distance as f32,
+                source: point.source,
+            };
             if !self.hero.occluded(port, &ray, stats)? {
-                let diffuse = Vec3::from(material.diffuse) * cosine as f32;
-                radiance += colour * (diffuse + highlight(material, mirrored.dot(direction) as f32));
+                let Cosines { normal, mirrored } = to_light.cosines;
+                let cosines = Cosines { normal: &[normal as f32][..], mirrored: &[mirrored as f32] };
+                radiance = brighten::<f32, f64>(radiance, colour, &finish, cosines, 1);
             }
         }
-        Ok(radiance)
-    }
-}
-
-/// Phong's highlight, for the cosine between the mirrored view and the light.
-fn highlight(material: &Material, cosine: f32) -> Vec3 {
-    let strength = Vec3::from(material.highlight);
-    if cosine > 0.0 && strength != Vec3::ZERO {
-        strength * power(f64::from(cosine), f64::from(material.shine)) as f32
-    } else {
-        Vec3::ZERO
+        Ok(radiance.into())
     }
 }
 

@@ -4,7 +4,7 @@ use super::surfaces::{DOUBLES, Surfaces, row};
 use super::wave::{Origin, Wave};
 use crate::tracer::TraceStats;
 use crate::tracer::memory_port::RayKind;
-use crate::tracer::optics::scatter;
+use crate::tracer::optics::{refract, scatter};
 use crate::tracer::ray::{Ray, Source, moved_off};
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::simd::{Registers, Task};
@@ -77,17 +77,20 @@ impl Branching<'_, '_> {
         let Self { surfaces, wave, .. } = *self;
         let material = surfaces.material(self.slices, at);
         let parent = surfaces.ray[at];
-        let (weight, incoming) =
-            (wave.origins[parent as usize].share.weight, wave.rays[parent as usize].direction_f64());
-        let (point, normal) = (surfaces.point(at), row(&surfaces.normal, at));
-        let (reflection, refraction) = scatter(material, point.normal, normal, incoming, weight, self.cutoff);
+        let refracted = || {
+            let incoming = wave.rays[parent as usize].direction_f64();
+            refract(material, row(&surfaces.outward, at), row(&surfaces.normal, at), incoming)
+        };
+        let weight = wave.origins[parent as usize].share.weight;
+        let (reflection, refraction) = scatter(material, weight, self.cutoff, refracted);
         if let Some(share) = reflection {
             self.stats.rays[RayKind::Reflection as usize] += 1;
-            self.next.push(reflected.ray(at % DOUBLES, point.source), Origin { parent, share });
+            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), Origin { parent, share });
         }
         if let Some((share, direction)) = refraction {
             self.stats.rays[RayKind::Refraction as usize] += 1;
-            self.next.push(point.leaving(direction.normalize(), f32::INFINITY), Origin { parent, share });
+            let ray = surfaces.point(at).leaving(direction.normalize(), f32::INFINITY);
+            self.next.push(ray, Origin { parent, share });
         }
     }
 }
