@@ -45,7 +45,7 @@ impl ImageSettings {
     pub const DEPTH_MAX: u32 = 64;
     pub const DEPTH_DEFAULT: u32 = 4;
 
-    /// Settings of an image of `width` times `height` pixels; for [`Self::depth`] and [`Self::cutoff`] see there.
+    /// Settings of an image of `width` times `height` pixels, with [`Self::depth`] and [`Self::cutoff`].
     ///
     /// # Errors
     /// A side is not 1 to 65,536, the depth is above 64, or the cutoff is not 0 to 1.
