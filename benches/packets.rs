@@ -18,7 +18,7 @@ const TURNS: usize = 5;
 fn main() {
     for scene in ["gears:4", "teapot:12", "balls:4", "tetra:8"] {
         let source: SceneSource = scene.parse().expect("a procedural scene");
-        let image = |_: &_| Ok(ImageSettings { width: SIDE, height: SIDE, depth: 4, cutoff: 0.0 });
+        let image = |_: &_| Ok(ImageSettings::new(SIDE, SIDE, 4, 0.0).expect("possible"));
         let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
         let bvh = Bvh8::build(&prepared.database);
         println!(

@@ -78,7 +78,7 @@ fn main() {
 
 fn teapot() -> (Captured, RecordLines, Geometry) {
     let source: SceneSource = "teapot:12".parse().expect("a scene");
-    let image = ImageSettings { width: SIDE, height: SIDE, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 };
+    let image = ImageSettings::new(SIDE, SIDE, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible");
     let prepared = prepare(&source, Octree::DEFAULT, &Fallback::default(), |_| Ok(image)).expect("the teapot");
     let tiling =
         Tiling::new(Sides { width: SIDE, height: SIDE, tile_width: TILE, tile_height: TILE }).expect("possible");

@@ -61,7 +61,7 @@ fn record(folder: &Path, wanted: u64) {
     .expect("a topology of this project");
     let prepared = topology.prepare().expect("a scene");
     let header = &prepared.database.database().header;
-    let side = prepared.view.image.width.min(256);
+    let side = prepared.view.image.width().min(256);
     let tiling =
         Tiling::new(Sides { width: side, height: side, tile_width: TILE, tile_height: TILE }).expect("possible");
     let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, 1);

@@ -19,7 +19,7 @@ const TILE: Rect = Rect { x: 192, y: 192, width: 128, height: 128 };
 fn teapot() -> Prepared {
     let source: SceneSource = "teapot:12".parse().expect("a scene");
     prepare(&source, Octree::DEFAULT, &Fallback::default(), |_| {
-        Ok(ImageSettings { width: 512, height: 512, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 })
+        Ok(ImageSettings::new(512, 512, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible"))
     })
     .expect("the teapot can be built")
 }

@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [scene, image] = &arguments[..] else { return Err("expected a scene and the image's name".into()) };
     let scene = scene.parse::<SceneSource>()?.load()?;
-    let settings = ImageSettings { width: 256, height: 256, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 };
+    let settings = ImageSettings::new(256, 256, ImageSettings::DEPTH_DEFAULT, 0.0)?;
     let view = view(&scene, &Fallback::default(), |_| Ok(settings))?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
     let rendering = Renderer::new(&database).render(&view)?;

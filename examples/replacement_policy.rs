@@ -51,7 +51,7 @@ impl Replacement for OneBit {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = "teapot:6".parse::<SceneSource>()?.load()?;
-    let settings = ImageSettings { width: 128, height: 128, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 };
+    let settings = ImageSettings::new(128, 128, ImageSettings::DEPTH_DEFAULT, 0.0)?;
     let view = view(&scene, &Fallback::default(), |_| Ok(settings))?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
     let tiling = Tiling::try_from(Sides { width: 128, height: 128, tile_width: 8, tile_height: 8 })?;

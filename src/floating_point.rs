@@ -103,7 +103,7 @@ mod tests {
         let view = "b 0 0 0\nv\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 64 64\n";
         std::fs::write(&path, format!("{view}l 1 1 5\nf 1 1 1 0 1 200 0 0\ns 0 0 0 1\n")).expect("writable folder");
         let source: SceneSource = path.to_str().expect("UTF-8").parse().expect("a file's name");
-        let image = |_: &_| Ok(ImageSettings { width: 64, height: 64, depth: 4, cutoff: 0.0 });
+        let image = |_: &_| Ok(ImageSettings::new(64, 64, 4, 0.0).expect("possible"));
         let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
         let bvh = Bvh8::build(&prepared.database);
         for kernel in [Kernel::Single { mailbox: true }, Kernel::Packets(&bvh, Simd::best())] {

@@ -13,7 +13,7 @@
 //! use marti::{Fallback, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
 //!
 //! let scene = "teapot:2".parse::<SceneSource>()?.load()?;
-//! let settings = ImageSettings { width: 32, height: 32, depth: 4, cutoff: 0.0 };
+//! let settings = ImageSettings::new(32, 32, 4, 0.0)?;
 //! let view = view(&scene, &Fallback::default(), |_camera| Ok(settings))?;
 //! let database = build_database(&scene, Octree::DEFAULT.into())?;
 //! let rendering = Renderer::new(&database).render(&view)?;
@@ -38,7 +38,7 @@
 //! use marti::replay::{Captured, RecordLines};
 //! # use marti::{Fallback, ImageSettings, Octree, SceneSource, build_database, view};
 //! # let scene = "teapot:2".parse::<SceneSource>()?.load()?;
-//! # let settings = ImageSettings { width: 32, height: 32, depth: 4, cutoff: 0.0 };
+//! # let settings = ImageSettings::new(32, 32, 4, 0.0)?;
 //! # let view = view(&scene, &Fallback::default(), |_camera| Ok(settings))?;
 //! # let database = build_database(&scene, Octree::DEFAULT.into())?;
 //!

@@ -14,7 +14,7 @@ use nix::time::{ClockId, clock_gettime};
 use crate::database::verify::Verified;
 use crate::ids::TileId;
 use crate::image_file::{FrameBuffer, FrameBufferError};
-use crate::picture::{AovSet, ImageSettings, Pixels, Rect, Sides, Tiling, TilingError};
+use crate::picture::{AovSet, ImageSettings, Pixels, Rect, Sides, Tiling};
 use crate::progress::Status;
 use crate::tracer::bvh8::{BatchTracer, Bvh8};
 use crate::tracer::simd::Simd;
@@ -60,8 +60,6 @@ pub struct Rendering {
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     #[error(transparent)]
-    Tiling(#[from] TilingError),
-    #[error(transparent)]
     Frame(#[from] FrameBufferError),
     #[error("cannot start {threads} threads: {error}")]
     Thread { threads: usize, error: io::Error },
@@ -106,7 +104,7 @@ impl<'a> Renderer<'a> {
 /// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
 ///
 /// # Errors
-/// The image has no such sides, there is no memory for it, or the system has no thread left.
+/// There is no memory for the image, or the system has no thread left.
 pub fn render(
     database: &Verified,
     view: &View,
@@ -114,8 +112,8 @@ pub fn render(
     on_tile: impl Fn(&Status) + Sync,
 ) -> Result<Rendering, RenderError> {
     let image = &view.image;
-    let tiling = tiling(image)?;
-    let frame = Mutex::new(FrameBuffer::new(image.width, image.height, settings.aov)?);
+    let tiling = tiling(image);
+    let frame = Mutex::new(FrameBuffer::new(image.width(), image.height(), settings.aov)?);
     let (next, done, rays) = (AtomicU32::new(0), AtomicU32::new(0), AtomicU64::new(0));
     let start = Instant::now();
     let worker = || {
@@ -207,13 +205,14 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// How many tiles [`render`] cuts an image into; none if it has no such sides.
+/// How many tiles [`render`] cuts an image into.
 pub fn tile_count(image: &ImageSettings) -> u32 {
-    tiling(image).map_or(0, Tiling::tile_count)
+    tiling(image).tile_count()
 }
 
-fn tiling(image: &ImageSettings) -> Result<Tiling, TilingError> {
-    Sides { width: image.width, height: image.height, tile_width: TILE, tile_height: TILE }.try_into()
+fn tiling(image: &ImageSettings) -> Tiling {
+    let sides = Sides { width: image.width(), height: image.height(), tile_width: TILE, tile_height: TILE };
+    Tiling::new(sides).expect("an image's sides, and 2048 times 2048 tiles at most")
 }
 
 /// Processor time of the calling thread; zero where the host does not tell.

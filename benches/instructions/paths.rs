@@ -69,7 +69,7 @@ pub(crate) const PATHS: [Path; 12] = [
 fn prepared(scene: &str, octree: Octree) -> Prepared {
     let source: SceneSource = scene.parse().expect("a scene");
     prepare(&source, octree, &Fallback::default(), |_| {
-        Ok(ImageSettings { width: SIDE, height: SIDE, depth: ImageSettings::DEPTH_DEFAULT, cutoff: 0.0 })
+        Ok(ImageSettings::new(SIDE, SIDE, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible"))
     })
     .expect("the scene can be built")
 }

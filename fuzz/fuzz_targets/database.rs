@@ -26,7 +26,7 @@ fn unseen(header: &Header, bytes: &[u8], view: &View) {
     let Ok(geometry) = Geometry::new(&settings, &header.layout) else { return };
     let mut memory = LocalMemory::<Lru, _>::new(geometry, &header.layout, 1, &cluster);
     let mut tracer = TileTracer::new(header, view, true);
-    let whole = Rect { x: 0, y: 0, width: IMAGE.width, height: IMAGE.height };
+    let whole = Rect { x: 0, y: 0, width: IMAGE.width(), height: IMAGE.height() };
     let _ = tracer.trace(&mut memory, whole, AovSet::default());
 }
 

@@ -54,7 +54,10 @@ pub fn images(database: &Verified, view: &View) -> Vec<(Pixels, u64)> {
 }
 
 /// Few pixels, two bounces.
-pub const IMAGE: ImageSettings = ImageSettings { width: 8, height: 6, depth: 2, cutoff: 0.0 };
+pub const IMAGE: ImageSettings = match ImageSettings::new(8, 6, 2, 0.0) {
+    Ok(image) => image,
+    Err(_) => panic!("possible"),
+};
 
 /// What a camera sees of something that brings no view.
 pub fn view_of(camera: Camera) -> View {

@@ -51,7 +51,7 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
         Some(scene) => line("scene", format_args!("{}, {} primitives", topology.scene, scene.primitive_count())),
         None => line("scene", format_args!("{}", topology.scene)),
     }
-    let ImageSettings { width, height, depth, cutoff } = *image;
+    let (width, height, depth, cutoff) = (image.width(), image.height(), image.depth(), image.cutoff());
     line("image", format_args!("{width}x{height} pixels, depth {depth}, cutoff {cutoff}"));
     let (tile_width, tile_height) = topology.image.tile;
     // Its settings were made from the same topology, which has checked them.

@@ -81,12 +81,12 @@ impl RenderArguments {
         self.threads.map_or_else(|| available_parallelism().map_or(1, usize::from), |threads| threads as usize)
     }
 
-    fn image_settings(&self, camera: &Camera) -> ImageSettings {
+    fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
         let (width, height) = match self.size {
             Some(size) => (size.width, size.height),
             None => camera.resolution.unwrap_or((512, 512)),
         };
-        ImageSettings { width, height, depth: self.depth.0, cutoff: self.cutoff.0 }
+        ImageSettings::new(width, height, self.depth.0, self.cutoff.0).map_err(|error| error.to_string())
     }
 
     /// The image to write.
@@ -103,7 +103,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     }
     let octree = arguments.octree();
     let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
-        Ok(arguments.image_settings(camera))
+        arguments.image_settings(camera)
     })?;
     let derivation = Instant::now();
     let derived = packets.then(|| Bvh8::build(&prepared.database));

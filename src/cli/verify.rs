@@ -66,7 +66,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     let mut scene = source.load()?;
     let placement = Placement { scale: arguments.scale, translation: arguments.translate };
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
-    let image = |_: &_| Ok(ImageSettings { width: 1000, height: 1000, depth: 0, cutoff: 0.0 });
+    let image = |_: &_| ImageSettings::new(1000, 1000, 0, 0.0).map_err(|error| error.to_string());
     let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
     let database = preparation::build(source, scene, octree)?;
     let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);

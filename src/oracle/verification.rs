@@ -224,6 +224,5 @@ fn aimed(source: &mut Rays<'_>, aim: AimedAt, surfaces: &mut Vec<(Ray, Hit)>) ->
 
 /// A ray from a hit's surface, to either side of it.
 fn leaving(ray: &Ray, hit: &Hit, source: &mut Rays<'_>) -> Ray {
-    let point = hit.surface_point(ray);
-    Ray::leaving(point.position, point.normal, source.direction(), f32::INFINITY, point.source)
+    hit.surface_point(ray).leaving(source.direction(), f32::INFINITY)
 }

@@ -5,5 +5,5 @@ mod settings;
 mod tiling;
 
 pub use pixels::{AovSet, Pixels};
-pub use settings::ImageSettings;
+pub use settings::{ImageSettings, ImageSettingsError};
 pub use tiling::{Rect, Sides, Tiling, TilingError};

@@ -36,6 +36,30 @@ impl Pixels {
         pixels * per_pixel
     }
 
+    /// So many pixels as they are where nothing is hit.
+    pub fn of_background(pixels: usize, background: [f32; 3], aov: AovSet) -> Self {
+        let planes = |wanted: bool| if wanted { pixels } else { 0 };
+        Self {
+            colour: vec![background; pixels],
+            depth: vec![-1.0; planes(aov.depth)],
+            normal: vec![[0.0; 3]; planes(aov.normal)],
+            primitive: vec![-1; planes(aov.primitive)],
+        }
+    }
+
+    /// Makes pixels black whose colours are not finite; how many.
+    pub fn blacken_non_finite(&mut self) -> u64 {
+        let mut count = 0;
+        for colour in &mut self.colour {
+            let [r, g, b] = *colour;
+            if !(r.is_finite() & g.is_finite() & b.is_finite()) {
+                *colour = [0.0; 3];
+                count += 1;
+            }
+        }
+        count
+    }
+
     /// No pixels yet, and memory for so many.
     pub fn with_room(pixels: usize, aov: AovSet) -> Self {
         let room = |wanted: bool| if wanted { pixels } else { 0 };

@@ -75,7 +75,7 @@ pub(crate) mod tests {
     pub(crate) fn teapot(side: u32, nodes: u16) -> (Verified, Captured) {
         let source = "teapot".parse().expect("a procedural scene");
         let octree = crate::tracer::octree::Octree::DEFAULT;
-        let image = ImageSettings { width: side, height: side, depth: 4, cutoff: 0.01 };
+        let image = ImageSettings::new(side, side, 4, 0.01).expect("possible");
         let prepared =
             preparation::prepare(&source, octree, &preparation::Fallback::default(), |_| Ok(image)).expect("a scene");
         let tiling = Tiling::new(Sides { width: side, height: side, tile_width: 8, tile_height: 8 }).expect("possible");

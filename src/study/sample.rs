@@ -16,7 +16,7 @@ pub(super) const TILING: Tiling =
 pub(super) fn gears() -> (Prepared, Traced<Captured>) {
     let source: SceneSource = "gears:1".parse().expect("a procedural scene");
     let octree = Octree { leaf_size: 8, max_depth: 6, mailbox: true };
-    let image = ImageSettings { width: TILING.sides().width, height: TILING.sides().height, depth: 2, cutoff: 0.0 };
+    let image = ImageSettings::new(TILING.sides().width, TILING.sides().height, 2, 0.0).expect("possible");
     let prepared = preparation::prepare(&source, octree, &Fallback::default(), |_| Ok(image)).expect("a scene");
     let captured = Captured::capture(&prepared.database, &prepared.view, TILING, octree.mailbox, 1);
     let run = Run {

@@ -11,7 +11,7 @@ use super::traced::{Run, Traced, TracedError};
 use super::traffic::{Traffic, TrafficError};
 use crate::database::records::LEVELS;
 use crate::machine::stats::octree_class;
-use crate::picture::{ImageSettings, Sides, Tiling};
+use crate::picture::{Sides, Tiling};
 use crate::preparation::PreparationError;
 use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::grid::Grid;
@@ -80,8 +80,8 @@ impl Sweep {
         }
         tell(&format!("{}: tracing", topology.scene));
         let prepared = topology.prepare()?;
-        let ImageSettings { width, height, .. } = prepared.view.image;
-        let tiling = topology.image.tiling(width, height).map_err(SweepError::Grid)?;
+        let image = prepared.view.image;
+        let tiling = topology.image.tiling(image.width(), image.height()).map_err(SweepError::Grid)?;
         let run = Run {
             scene: topology.scene.to_string(),
             octree: topology.octree,

@@ -137,13 +137,8 @@ impl Topology {
     /// The tile is larger than the image, or too small for it.
     pub fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
         let (width, height) = camera.resolution.unwrap_or((512, 512));
-        let settings = ImageSettings {
-            width: self.image.width.unwrap_or(width),
-            height: self.image.height.unwrap_or(height),
-            depth: self.image.depth,
-            cutoff: self.image.cutoff,
-        };
-        self.image.check_tile(Some(settings.width), Some(settings.height))?;
-        Ok(settings)
+        let (width, height) = (self.image.width.unwrap_or(width), self.image.height.unwrap_or(height));
+        self.image.check_tile(Some(width), Some(height))?;
+        ImageSettings::new(width, height, self.image.depth, self.image.cutoff).map_err(|error| error.to_string())
     }
 }

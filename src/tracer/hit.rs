@@ -43,6 +43,11 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
+    /// A ray from here along a unit direction, moved off to the side that it leaves to.
+    pub fn leaving(&self, direction: DVec3, t_max: f32) -> Ray {
+        Ray::leaving(self.position, self.normal, direction, t_max, self.source)
+    }
+
     /// The normal turned to where a ray along `direction` comes from.
     pub fn normal_to_eye(&self, direction: DVec3) -> [f32; 3] {
         let normal = if self.normal.dot(direction) > 0.0 { -self.normal } else { self.normal };
@@ -51,12 +56,6 @@ impl SurfacePoint {
 }
 
 impl Hit {
-    /// Whether this one counts rather than `other`.
-    #[inline(always)]
-    pub fn is_nearer(t: f32, primitive: PrimitiveId, other: Option<&Hit>) -> bool {
-        other.is_none_or(|o| t < o.t || (t == o.t && primitive < o.primitive))
-    }
-
     /// Where the hit is, in f64: from barycentrics, or on the sphere's or cone's own surface.
     pub fn surface_point(&self, ray: &Ray) -> SurfacePoint {
         let along = |t: f64| ray.origin_f64() + ray.direction_f64() * t;

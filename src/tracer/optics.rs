@@ -1,9 +1,11 @@
 //! How light goes on at a surface; for one ray or several side by side.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use super::simd::lanes::Doubles;
-use super::vector::{V3, dot, length, normalise_or, scale, select, splat, sub, weighted};
+use super::power::power;
+use super::ray::moved_off;
+use super::simd::lanes::{Doubles, Singles};
+use super::vector::{V3, add, dot, length, mul, normalise_or, scale, select, splat, sub, weighted};
 use crate::database::records::Material;
 
 /// Turned to the side that the ray comes from.
@@ -14,12 +16,67 @@ pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
     select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
 }
 
-/// Unit directions from points to a light, and how far it is: not a number for a light on the very point.
+/// Rays from points of surfaces to a light, moved off to the sides that they leave to.
+pub struct ToLight<L> {
+    pub origin: V3<L>,
+    /// Unit; not a number for a light on the very point.
+    pub direction: V3<L>,
+    pub distance: L,
+    pub cosines: Cosines<L>,
+    /// A bit for each that leaves to the side that the shading normal is on. None on the very point of the light.
+    pub turned_to: u32,
+}
+
+/// Of the direction to a light.
+#[derive(Clone, Copy, Default)]
+pub struct Cosines<L> {
+    /// With the shading normal.
+    pub normal: L,
+    /// With the mirrored ray.
+    pub mirrored: L,
+}
+
 #[inline(always)]
-pub fn towards<L: Doubles>(light: [f64; 3], point: V3<L>) -> (V3<L>, L) {
-    let to_light = sub(splat(light), point);
+pub fn aim<L: Doubles>(light: DVec3, point: V3<L>, outward: V3<L>, normal: V3<L>, mirrored: V3<L>) -> ToLight<L> {
+    let to_light = sub(splat(light.to_array()), point);
     let distance = length(to_light);
-    (scale(to_light, L::splat(1.0).div(distance)), distance)
+    let direction = scale(to_light, L::splat(1.0).div(distance));
+    let cosines = Cosines { normal: dot(normal, direction), mirrored: dot(mirrored, direction) };
+    let turned_to = L::splat(0.0).lt(cosines.normal);
+    ToLight { origin: moved_off(point, outward, direction), direction, distance, cosines, turned_to }
+}
+
+/// What materials make of light that comes straight from a light.
+pub struct Finish<'a, F> {
+    pub diffuse: V3<F>,
+    pub highlight: V3<F>,
+    /// A lane each.
+    pub shine: &'a [f32],
+}
+
+/// Adds to the radiance of the `lit` lanes what a light of this colour brings: diffuse, and Phong's highlight.
+#[inline(always)]
+pub fn brighten<F: Singles, D: Doubles>(
+    radiance: V3<F>,
+    colour: Vec3,
+    finish: &Finish<'_, F>,
+    cosines: Cosines<&[f32]>,
+    lit: u32,
+) -> V3<F> {
+    let nothing = F::splat(0.0);
+    let strength = finish.highlight;
+    // Where there is no highlight; not where it is not a number.
+    let dull = strength[0].abs().add(strength[1].abs()).add(strength[2].abs()).le(nothing);
+    let shining = nothing.lt(F::load(cosines.mirrored)) & !dull;
+    let mut highlight = [nothing; 3];
+    if shining & lit != 0 {
+        let mut powers = [0.0; 8];
+        power(D::widen(cosines.mirrored), D::widen(finish.shine)).narrow(&mut powers);
+        highlight = select(shining, scale(strength, F::load(&powers)), highlight);
+    }
+    let diffuse = scale(finish.diffuse, F::load(cosines.normal));
+    let brighter = add(radiance, mul(splat(colour.to_array()), add(diffuse, highlight)));
+    select(lit, brighter, radiance)
 }
 
 /// The normals of smooth triangles between those of their corners; the triangles' own where these cancel out.
@@ -34,12 +91,51 @@ pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
     sub(incoming, scale(normal, L::splat(2.0).mul(dot(incoming, normal))))
 }
 
-/// Snell's direction through the surface; `None` if it does not transmit or reflects totally. The side is told
-/// by the geometric normal, which points outward.
-pub fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
+/// What a ray that a surface sends on adds to the surface's radiance.
+#[derive(Clone, Copy, Debug)]
+pub struct Share {
+    /// Of the radiance that the ray brings, by channel.
+    pub by_channel: Vec3,
+    /// Share of the pixel that the ray decides, in the strongest channel.
+    pub weight: f32,
+}
+
+impl Share {
+    /// All of a pixel.
+    pub const WHOLE: Self = Self { by_channel: Vec3::ONE, weight: 1.0 };
+}
+
+/// The rays that a surface sends on: a reflected one, and a refracted one along what `refracted` says, which is asked
+/// only if the material transmits. `weight` is that of the ray that comes in; one that does not exceed `cutoff` is not
+/// sent.
+#[inline(always)]
+pub fn scatter(
+    material: &Material,
+    weight: f32,
+    cutoff: f32,
+    refracted: impl FnOnce() -> Option<DVec3>,
+) -> (Option<Share>, Option<(Share, DVec3)>) {
+    let share = |by_channel: Vec3| {
+        let share = Share { by_channel, weight: weight * by_channel.max_element() };
+        (share.weight > cutoff).then_some(share)
+    };
+    let reflection = Vec3::from(material.reflection);
     if !(material.transmittance > 0.0) {
-        return None;
+        return (share(reflection), None);
     }
+    match refracted() {
+        Some(direction) => {
+            let refraction = share(Vec3::splat(material.transmittance));
+            (share(reflection), refraction.map(|share| (share, direction)))
+        }
+        // Total internal reflection: what cannot leave is reflected.
+        None => (share(reflection + material.transmittance), None),
+    }
+}
+
+/// Snell's direction through the surface; `None` if it reflects totally. The side is told by the geometric normal, which
+/// points outward.
+pub fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
     let ior = f64::from(material.ior);
     let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
     let cosine = -incoming.dot(normal);

@@ -26,7 +26,7 @@ impl PrimaryRays {
         let camera = &view.camera;
         let forward = (camera.at - camera.from).normalize();
         let right = forward.cross(camera.up).normalize();
-        let (width, height) = (f64::from(view.image.width), f64::from(view.image.height));
+        let (width, height) = (f64::from(view.image.width()), f64::from(view.image.height()));
         let half_height = libm::tan(camera.angle_degrees.to_radians() / 2.0);
         Self {
             eye: header.normalisation.point(camera.from),

@@ -7,8 +7,7 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{facing, mirrored, refract, smooth, towards};
-use super::power::power;
+use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, scatter, smooth};
 use super::ray::Ray;
 use super::stats::TraceStats;
 use super::view::View;
@@ -47,8 +46,8 @@ impl Shader {
             hero: Hero::new(header, mailbox),
             lights: view.normalised_lights(&header.normalisation),
             background: view.background.as_vec3(),
-            depth: view.image.depth,
-            cutoff: view.image.cutoff,
+            depth: view.image.depth(),
+            cutoff: view.image.cutoff(),
         }
     }
 
@@ -109,24 +108,14 @@ impl Shader {
         if ancestry.bounces == self.depth {
             return Ok(radiance);
         }
-        let mut reflection = Vec3::from(material.reflection);
-        let refracted = refract(&material, point.normal, normal, incoming);
-        if material.transmittance > 0.0 && refracted.is_none() {
-            // Total internal reflection: what cannot leave is reflected.
-            reflection += material.transmittance;
-        }
-        let rays = [
-            (RayKind::Reflection, reflection, Some(mirrored)),
-            (RayKind::Refraction, Vec3::splat(material.transmittance), refracted),
-        ];
-        for (kind, share, direction) in rays {
-            let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight: ancestry.weight * share.max_element() };
-            if let Some(direction) = direction
-                && ancestry.weight > self.cutoff
-            {
-                let direction = direction.normalize();
-                let ray = Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source);
-                radiance += share * self.secondary(port, kind, &ray, ancestry, stats)?;
+        let refracted = || refract(&material, point.normal, normal, incoming);
+        let (reflection, refraction) = scatter(&material, ancestry.weight, self.cutoff, refracted);
+        let reflection = reflection.map(|share| (share, mirrored));
+        for (kind, ray) in [(RayKind::Reflection, reflection), (RayKind::Refraction, refraction)] {
+            if let Some((Share { by_channel, weight }, direction)) = ray {
+                let ray = point.leaving(direction.normalize(), f32::INFINITY);
+                let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight };
+                radiance += by_channel * self.secondary(port, kind, &ray, ancestry, stats)?;
             }
         }
         Ok(radiance)
@@ -142,39 +131,36 @@ impl Shader {
         material: &Material,
         stats: &mut TraceStats,
     ) -> Result<Vec3, M::Error> {
-        let mut radiance = Vec3::ZERO;
+        let (outward, normal, mirrored) = (point.normal.to_array(), normal.to_array(), mirrored.to_array());
+        let finish = Finish { diffuse: material.diffuse, highlight: material.highlight, shine: &[material.shine] };
+        let mut radiance = [0.0; 3];
         for light in 0..self.lights.len() {
             let (position, colour) = self.lights[light];
-            let (direction, distance) = towards(position.to_array(), point.position.to_array());
-            let direction = DVec3::from(direction);
-            let cosine = normal.dot(direction);
-            // False for NaN too: a light on the very point of the surface does not light it.
-            if !(cosine > 0.0) {
+            let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored);
+            if to_light.turned_to == 0 {
                 continue;
             }
             stats.rays[RayKind::Shadow as usize] += 1;
             port.set_ray_kind(RayKind::Shadow);
-            let ray = Ray::leaving(point.position, point.normal, direction, distance as f32, point.source);
+            let ray = Ray {
+                origin: to_light.origin.map(|c| c as f32),
+                direction: to_light.direction.map(|c| c as f32),
+                t_max: to_light.distance as f32,
+                source: point.source,
+            };
             if !self.hero.occluded(port, &ray, stats)? {
-                let diffuse = Vec3::from(material.diffuse) * cosine as f32;
-                radiance += colour * (diffuse + highlight(material, mirrored.dot(direction) as f32));
+                let Cosines { normal, mirrored } = to_light.cosines;
+                let cosines = Cosines { normal: &[normal as f32][..], mirrored: &[mirrored as f32] };
+                radiance = brighten::<f32, f64>(radiance, colour, &finish, cosines, 1);
             }
         }
-        Ok(radiance)
+        Ok(radiance.into())
     }
 }
 
-/// Phong's highlight, for the cosine between the mirrored view and the light.
-fn highlight(material: &Material, cosine: f32) -> Vec3 {
-    let strength = Vec3::from(material.highlight);
-    if cosine > 0.0 && strength != Vec3::ZERO {
-        strength * power(f64::from(cosine), f64::from(material.shine)) as f32
-    } else {
-        Vec3::ZERO
-    }
-}
-
-fn shading_normal<M: MemoryPort>(
+/// The normal that a surface is shaded by, not yet turned to where the ray comes from.
+#[inline(always)]
+pub(super) fn shading_normal<M: MemoryPort>(
     port: &mut M,
     hit: &Hit,
     point: &SurfacePoint,

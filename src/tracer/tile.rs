@@ -1,11 +1,15 @@
 //! Traces a tile, the unit of work.
 
+use glam::DVec3;
+
+use super::hit::SurfacePoint;
 use super::memory_port::MemoryPort;
 use super::primary::PrimaryRays;
 use super::shade::Shader;
 use super::stats::TraceStats;
 use super::view::View;
 use crate::database::Header;
+use crate::database::records::PrimitiveId;
 use crate::picture::{AovSet, Pixels, Rect};
 
 /// Traces tiles of one view, with any memory behind.
@@ -30,40 +34,39 @@ impl TileTracer {
         rect: Rect,
         aov: AovSet,
     ) -> Result<(Pixels, TraceStats), M::Error> {
-        let mut pixels = Pixels::default();
-        pixels.colour.reserve_exact(rect.pixel_count());
+        let mut pixels = Pixels::of_background(rect.pixel_count(), [0.0; 3], aov);
         let mut stats = TraceStats::default();
-        for y in rect.y..rect.y + rect.height {
-            for x in rect.x..rect.x + rect.width {
-                self.pixel(port, x, y, aov, &mut pixels, &mut stats)?;
+        let places = (rect.y..rect.y + rect.height).flat_map(|y| (rect.x..rect.x + rect.width).map(move |x| (x, y)));
+        for (at, (x, y)) in places.enumerate() {
+            let direction = self.camera.direction(x, y);
+            let seen = self.shader.primary(port, self.camera.eye, direction, &mut stats)?;
+            pixels.colour[at] = seen.radiance.to_array();
+            if let Some((primitive, point)) = seen.first {
+                first_hit(&mut pixels, at, &self.camera, direction, primitive, &point);
             }
         }
+        stats.non_finite_pixels = pixels.blacken_non_finite();
         Ok((pixels, stats))
     }
+}
 
-    fn pixel<M: MemoryPort>(
-        &mut self,
-        port: &mut M,
-        x: u32,
-        y: u32,
-        aov: AovSet,
-        pixels: &mut Pixels,
-        stats: &mut TraceStats,
-    ) -> Result<(), M::Error> {
-        let direction = self.camera.direction(x, y);
-        let seen = self.shader.primary(port, self.camera.eye, direction, stats)?;
-        let finite = seen.radiance.is_finite();
-        stats.non_finite_pixels += u64::from(!finite);
-        pixels.colour.push(if finite { seen.radiance.to_array() } else { [0.0; 3] });
-        if aov.depth {
-            pixels.depth.push(seen.first.map_or(-1.0, |(_, point)| self.camera.depth(&point, direction)));
-        }
-        if aov.normal {
-            pixels.normal.push(seen.first.map_or([0.0; 3], |(_, point)| point.normal_to_eye(direction)));
-        }
-        if aov.primitive {
-            pixels.primitive.push(seen.first.map_or(-1, |(primitive, _)| primitive.0 as i32));
-        }
-        Ok(())
+/// Fills the planes that there are besides the colour, from what a pixel's ray hits first.
+#[inline(always)]
+pub(super) fn first_hit(
+    pixels: &mut Pixels,
+    at: usize,
+    camera: &PrimaryRays,
+    direction: DVec3,
+    primitive: PrimitiveId,
+    point: &SurfacePoint,
+) {
+    if let Some(depth) = pixels.depth.get_mut(at) {
+        *depth = camera.depth(point, direction);
+    }
+    if let Some(normal) = pixels.normal.get_mut(at) {
+        *normal = point.normal_to_eye(direction);
+    }
+    if let Some(id) = pixels.primitive.get_mut(at) {
+        *id = primitive.0 as i32;
     }
 }

@@ -19,7 +19,7 @@ const SIDE: u32 = 96;
 fn first_hits(name: &str, placement: Placement) -> Vec<Option<(u32, u32)>> {
     let mut scene = name.parse::<SceneSource>().expect("a scene").load().expect("it can be read");
     scene.place(placement).expect("it stays finite");
-    let image = |_: &_| Ok(ImageSettings { width: SIDE, height: SIDE, depth: 0, cutoff: 0.0 });
+    let image = |_: &_| Ok(ImageSettings::new(SIDE, SIDE, 0, 0.0).expect("possible"));
     let view = view(&scene, &Fallback::default(), image).expect("a view");
     let database = database(&scene);
     let camera = PrimaryRays::new(&database.database().header, &view);

@@ -54,7 +54,7 @@ fn view(database: &Verified) -> View {
         },
         lights: Vec::new(),
         background: DVec3::ZERO,
-        image: ImageSettings { width: 64, height: 64, depth: 0, cutoff: 0.0 },
+        image: ImageSettings::new(64, 64, 0, 0.0).expect("possible"),
     }
 }
 

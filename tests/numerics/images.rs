@@ -20,7 +20,7 @@ pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
         camera: scene.camera.expect("a camera"),
         lights: scene.lights.clone(),
         background: scene.background,
-        image: ImageSettings { width: SIDE, height: SIDE, depth: 4, cutoff: 0.001 },
+        image: ImageSettings::new(SIDE, SIDE, 4, 0.001).expect("possible"),
     };
     let bvh = Bvh8::build(&database);
     let kernels = Simd::available().map(|simd| Kernel::Packets(&bvh, simd));

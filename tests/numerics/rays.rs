@@ -221,7 +221,7 @@ fn what_a_ray_leaves_from_is_not_hit_at_the_origin() {
         let point = hit.surface_point(ray);
         // Outward, inward, and nearly along the surface.
         for direction in [chance.direction(), -point.normal, point.normal.any_orthonormal_vector()] {
-            leaving.push((Ray::leaving(point.position, point.normal, direction, f32::INFINITY, point.source), point));
+            leaving.push((point.leaving(direction, f32::INFINITY), point));
         }
     }
     let rays: Vec<Ray> = leaving.iter().map(|(ray, _)| *ray).collect();

@@ -27,7 +27,7 @@ fn nothing_is_lost_or_made_up_in_the_reference_scenes() {
             let source: SceneSource = name.parse().expect("a scene");
             let mut scene = source.load().expect("it can be read");
             scene.place(placement).expect("it stays finite");
-            let image = |_: &_| Ok(ImageSettings { width: 500, height: 500, depth: 0, cutoff: 0.0 });
+            let image = |_: &_| Ok(ImageSettings::new(500, 500, 0, 0.0).expect("possible"));
             let view = view(&scene, &Fallback::default(), image).expect("a view");
             let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
             let verification = verify(&database, &view, RAYS, 3);
@@ -50,7 +50,7 @@ fn a_scene_of_some_ulps_loses_nothing() {
     for scale in [1e-4, 1e-6] {
         let mut scene = "tetra:3".parse::<SceneSource>().expect("a scene").load().expect("it can be made");
         scene.place(Placement { scale, translation: 1e9 }).expect("it stays finite");
-        let image = |_: &_| Ok(ImageSettings { width: 100, height: 100, depth: 0, cutoff: 0.0 });
+        let image = |_: &_| Ok(ImageSettings::new(100, 100, 0, 0.0).expect("possible"));
         // The scene's own camera may have moved into its target.
         let camera = marti::scene::Camera {
             from: DVec3::splat(1e9 + 1.0),

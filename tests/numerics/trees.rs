@@ -46,7 +46,7 @@ fn view(scene: &Scene, side: u32) -> View {
         camera,
         lights: camera.framing_lights().to_vec(),
         background: DVec3::splat(0.25),
-        image: ImageSettings { width: side, height: side, depth: 3, cutoff: 0.01 },
+        image: ImageSettings::new(side, side, 3, 0.01).expect("possible"),
     }
 }
 

@@ -80,8 +80,8 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         error,
         scene: facts.scene,
         image: Image {
-            width: image.width,
-            height: image.height,
+            width: image.width(),
+            height: image.height(),
             sha256: ledger.display.as_ref().map(|display| display.sha256.clone()),
             non_finite_pixels: total.trace.non_finite_pixels,
             unverified: imbalance.clone(),

@@ -58,7 +58,7 @@ use crate::ids::Epoch;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
 use crate::machine::specification::{Cluster, MemorySize};
-use crate::picture::{AovSet, ImageSettings};
+use crate::picture::AovSet;
 use crate::preparation::PreparationError;
 use crate::protocol::connection::{Credentials, Tls};
 use crate::protocol::hello::{Role, RunToken};
@@ -245,8 +245,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = topology.prepare()?;
     let database = prepared.database.database();
-    let ImageSettings { width, height, .. } = prepared.view.image;
-    let tiling = topology.image.tiling(width, height).map_err(RunError::Tiling)?;
+    let image = prepared.view.image;
+    let tiling = topology.image.tiling(image.width(), image.height()).map_err(RunError::Tiling)?;
     let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
 
     let scene_sha256 = Sha256::digest(database.bytes()).into();

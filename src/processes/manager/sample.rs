@@ -33,7 +33,7 @@ pub(super) fn run() -> Run {
 pub(super) fn plan(nodes: u16, tiles: u32) -> Plan {
     let local_memory = LocalMemory { size: MemorySize::All, line: 64, ways: None, replacement: Replacement::Lru };
     let camera = Camera { from: DVec3::ZERO, at: DVec3::Z, up: DVec3::Y, angle_degrees: 45.0, resolution: None };
-    let image = ImageSettings { width: tiles, height: 1, depth: 4, cutoff: 0.0 };
+    let image = ImageSettings::new(tiles, 1, 4, 0.0).expect("possible");
     let layout = Layout::new([8; Section::COUNT]).expect("small");
     let cluster = Cluster { count: 1, nodes, processor: Processor::DEFAULT, local_memory, bus: Bus::DEFAULT };
     Plan {

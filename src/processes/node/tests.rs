@@ -65,7 +65,7 @@ fn view() -> View {
         camera: Camera { from, at: DVec3::ONE, up: DVec3::Z, angle_degrees: 35.0, resolution: None },
         lights: vec![Light { position: DVec3::new(9.0, 1.0, 9.0), colour: DVec3::ONE }],
         background: DVec3::splat(0.1),
-        image: ImageSettings { width: TILING.sides().width, height: TILING.sides().height, depth: 3, cutoff: 0.0 },
+        image: ImageSettings::new(TILING.sides().width, TILING.sides().height, 3, 0.0).expect("possible"),
     }
 }
 

@@ -197,8 +197,9 @@ impl Paper {
 
     fn prepare(&self, scene: &PaperScene, octree: Octree) -> Result<Prepared, PreparationError> {
         let Sides { width, height, .. } = self.tiling.sides();
-        let image = ImageSettings { width, height, depth: self.depth, cutoff: 0.0 };
-        preparation::prepare(&scene.source(), octree, &Fallback::default(), |_| Ok(image))
+        preparation::prepare(&scene.source(), octree, &Fallback::default(), |_| {
+            ImageSettings::new(width, height, self.depth, 0.0).map_err(|error| error.to_string())
+        })
     }
 }
 

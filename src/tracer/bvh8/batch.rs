@@ -11,6 +11,7 @@ use super::primaries::Primaries;
 use super::surfaces::Surfaces;
 use super::wave::Wave;
 use super::{Bvh8, PacketTracer};
+use crate::database::records::PrimitiveId;
 use crate::database::verify::Verified;
 use crate::picture::{AovSet, Pixels, Rect};
 use crate::tracer::memory_port::RayKind;
@@ -18,6 +19,7 @@ use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::Ray;
 use crate::tracer::simd::{Registers, Simd, Task};
 use crate::tracer::slices::Slices;
+use crate::tracer::tile::first_hit;
 use crate::tracer::{TraceStats, View};
 
 /// Traces tiles of one view from a whole database.
@@ -42,8 +44,8 @@ impl<'a> BatchTracer<'a> {
             camera: PrimaryRays::new(header, view),
             lights: view.normalised_lights(&header.normalisation),
             background: view.background.as_vec3(),
-            depth: view.image.depth,
-            cutoff: view.image.cutoff,
+            depth: view.image.depth(),
+            cutoff: view.image.cutoff(),
             waves: Vec::new(),
             primitives: Vec::new(),
             surfaces: Surfaces::default(),
@@ -78,19 +80,14 @@ impl<'a> BatchTracer<'a> {
             let (before, after) = self.waves.split_at_mut(wave);
             let (parents, children) = (&mut before[wave - 1], &after[0]);
             for (origin, &radiance) in children.origins.iter().zip(&children.radiance) {
-                parents.radiance[origin.parent as usize] += origin.share * radiance;
+                parents.radiance[origin.parent as usize] += origin.share.by_channel * radiance;
             }
         }
         let first = &self.waves[0];
         for (origin, &radiance) in first.origins.iter().zip(&first.radiance) {
             pixels.colour[origin.parent as usize] = radiance.to_array();
         }
-        for colour in &mut pixels.colour {
-            if !Vec3::from(*colour).is_finite() {
-                stats.non_finite_pixels += 1;
-                *colour = [0.0; 3];
-            }
-        }
+        stats.non_finite_pixels = pixels.blacken_non_finite();
         (pixels, stats)
     }
 
@@ -103,14 +100,7 @@ impl<'a> BatchTracer<'a> {
         waves[0].clear();
         primitives.clear();
         tracer.simd.run(Primaries { tracer, camera, rect, wave: &mut waves[0], primitives });
-        let count = rect.pixel_count();
-        let planes = |wanted: bool| if wanted { count } else { 0 };
-        Pixels {
-            colour: vec![self.background.to_array(); count],
-            depth: vec![-1.0; planes(aov.depth)],
-            normal: vec![[0.0; 3]; planes(aov.normal)],
-            primitive: vec![-1; planes(aov.primitive)],
-        }
+        Pixels::of_background(rect.pixel_count(), self.background.to_array(), aov)
     }
 
     /// Finds what the rays of a wave hit.
@@ -152,17 +142,8 @@ impl<'a> BatchTracer<'a> {
         for at in 0..surfaces.count {
             let pixel = self.waves[0].origins[surfaces.ray[at] as usize].parent;
             let direction = self.camera.direction(rect.x + pixel % rect.width, rect.y + pixel / rect.width);
-            let pixel = pixel as usize;
-            let point = surfaces.point(at);
-            if aov.depth {
-                pixels.depth[pixel] = self.camera.depth(&point, direction);
-            }
-            if aov.normal {
-                pixels.normal[pixel] = point.normal_to_eye(direction);
-            }
-            if aov.primitive {
-                pixels.primitive[pixel] = surfaces.primitive[at] as i32;
-            }
+            let primitive = PrimitiveId(surfaces.primitive[at]);
+            first_hit(pixels, pixel as usize, &self.camera, direction, primitive, &surfaces.point(at));
         }
     }
 }

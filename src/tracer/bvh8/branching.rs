@@ -1,12 +1,10 @@
 //! What surfaces reflect and refract: the next wave.
 
-use glam::{DVec3, Vec3};
-
-use super::surfaces::{DOUBLES, Surfaces};
+use super::surfaces::{DOUBLES, Surfaces, row};
 use super::wave::{Origin, Wave};
 use crate::tracer::TraceStats;
 use crate::tracer::memory_port::RayKind;
-use crate::tracer::optics::refract;
+use crate::tracer::optics::{refract, scatter};
 use crate::tracer::ray::{Ray, Source, moved_off};
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::simd::{Registers, Task};
@@ -79,33 +77,20 @@ impl Branching<'_, '_> {
         let Self { surfaces, wave, .. } = *self;
         let material = surfaces.material(self.slices, at);
         let parent = surfaces.ray[at];
-        let weight = wave.origins[parent as usize].weight;
-        let mut reflection = Vec3::from(material.reflection);
-        let mut refracted = None;
-        if material.transmittance > 0.0 {
-            let point = surfaces.point(at);
-            let normal = DVec3::new(surfaces.normal[0][at], surfaces.normal[1][at], surfaces.normal[2][at]);
-            let direction = refract(material, point.normal, normal, wave.rays[parent as usize].direction_f64());
-            if direction.is_none() {
-                // Total internal reflection: what cannot leave is reflected.
-                reflection += material.transmittance;
-            }
-            refracted = direction.map(|direction| {
-                Ray::leaving(point.position, point.normal, direction.normalize(), f32::INFINITY, point.source)
-            });
-        }
-        let origin = |share: Vec3| Origin { parent, weight: weight * share.max_element(), share };
-        let reflection = origin(reflection);
-        if reflection.weight > self.cutoff {
+        let refracted = || {
+            let incoming = wave.rays[parent as usize].direction_f64();
+            refract(material, row(&surfaces.outward, at), row(&surfaces.normal, at), incoming)
+        };
+        let weight = wave.origins[parent as usize].share.weight;
+        let (reflection, refraction) = scatter(material, weight, self.cutoff, refracted);
+        if let Some(share) = reflection {
             self.stats.rays[RayKind::Reflection as usize] += 1;
-            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), reflection);
+            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), Origin { parent, share });
         }
-        let refraction = origin(Vec3::splat(material.transmittance));
-        if let Some(ray) = refracted
-            && refraction.weight > self.cutoff
-        {
+        if let Some((share, direction)) = refraction {
             self.stats.rays[RayKind::Refraction as usize] += 1;
-            self.next.push(ray, refraction);
+            let ray = surfaces.point(at).leaving(direction.normalize(), f32::INFINITY);
+            self.next.push(ray, Origin { parent, share });
         }
     }
 }

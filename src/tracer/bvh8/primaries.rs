@@ -1,13 +1,12 @@
 //! Primary rays, straight from the camera into packets.
 
-use glam::Vec3;
-
 use super::PacketTracer;
 use super::packet::{LANES, Packet};
 use super::surfaces::DOUBLES;
 use super::walk::walk;
 use super::wave::{Origin, Wave};
 use crate::picture::Rect;
+use crate::tracer::optics::Share;
 use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::{Source, entering};
 use crate::tracer::simd::lanes::{Doubles, Lanes};
@@ -44,7 +43,7 @@ impl Task for Primaries<'_, '_> {
                     for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
                         if let Some(primitive) = packet.hit(lane) {
                             let pixel = (y + lane as u32 / 4) * rect.width + x + lane as u32 % 4;
-                            wave.push(packet.ray(lane), Origin { parent: pixel, weight: 1.0, share: Vec3::ONE });
+                            wave.push(packet.ray(lane), Origin { parent: pixel, share: Share::WHOLE });
                             found.push(primitive);
                         }
                     }

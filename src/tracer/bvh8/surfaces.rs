@@ -5,10 +5,11 @@ use glam::DVec3;
 
 use super::packet::{LANES, NONE};
 use crate::database::records::{Material, Surface};
-use crate::tracer::hit::{HitOn, SurfacePoint};
+use crate::tracer::hit::SurfacePoint;
 use crate::tracer::optics::{facing, mirrored, smooth};
 use crate::tracer::primitives::triangle::TriangleHit;
 use crate::tracer::ray::{Ray, Source};
+use crate::tracer::shade::shading_normal;
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::slices::Slices;
@@ -80,8 +81,7 @@ impl Surfaces {
     }
 
     pub(super) fn point(&self, at: usize) -> SurfacePoint {
-        let vector = |rows: &[Vec<f64>; 3]| DVec3::new(rows[0][at], rows[1][at], rows[2][at]);
-        SurfacePoint { position: vector(&self.position), normal: vector(&self.outward), source: self.source[at] }
+        SurfacePoint { position: row(&self.position, at), normal: row(&self.outward, at), source: self.source[at] }
     }
 
     /// Computes positions, normals and mirrored directions.
@@ -110,13 +110,7 @@ impl Surfaces {
         let Some(hit) = slices.hit(ray, self.primitive[at]) else { unreachable!("what was found to be hit is hit") };
         let point = hit.surface_point(ray);
         let surface = slices.surfaces[self.primitive[at] as usize];
-        let mut normal = point.normal;
-        if let HitOn::Triangle { barycentrics, .. } = hit.on
-            && surface.normals != Surface::FLAT
-        {
-            let corners = slices.normals[surface.normals as usize].widened();
-            normal = smooth(corners, barycentrics, normal.to_array()).into();
-        }
+        let Ok(normal) = shading_normal(&mut { *slices }, &hit, &point, surface);
         self.source[at] = point.source;
         for axis in 0..3 {
             self.position[axis][at] = point.position[axis];
@@ -211,6 +205,12 @@ impl Chunk {
         store(normal, &mut surfaces.normal, first);
         store(mirrored(incoming, normal), &mut surfaces.mirrored, first);
     }
+}
+
+/// One vector of many.
+#[inline(always)]
+pub(super) fn row(rows: &[Vec<f64>; 3], at: usize) -> DVec3 {
+    DVec3::new(rows[0][at], rows[1][at], rows[2][at])
 }
 
 #[inline(always)]

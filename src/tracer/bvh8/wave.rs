@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::Queues;
+use crate::tracer::optics::Share;
 use crate::tracer::ray::Ray;
 
 /// Rays of one generation.
@@ -20,10 +21,7 @@ pub(super) struct Wave {
 pub(super) struct Origin {
     /// Of the first wave a pixel of the tile, else a ray of the wave before.
     pub parent: u32,
-    /// Share of the pixel that the ray decides, in the strongest channel.
-    pub weight: f32,
-    /// Share of the parent's radiance, by channel.
-    pub share: Vec3,
+    pub share: Share,
 }
 
 impl Wave {
