@@ -5,7 +5,7 @@ use super::count::{Replayer, Tally};
 use super::setting::Policy;
 use super::subject::Subject;
 use crate::machine::local_memory::Geometry;
-use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::machine::replacement::{Replacement, with_policy};
 
 /// Replays the processes of a node one after the other, each with an empty memory at its beginning.
 ///
@@ -19,15 +19,10 @@ pub fn replay_node<S: Subject>(
     geometry: Geometry,
     tally: &mut impl Tally,
 ) -> Result<(), TraceError> {
-    match policy {
-        Policy::Lru => through::<Lru, _>(subject, processes, geometry, tally),
-        Policy::Fifo => through::<Fifo, _>(subject, processes, geometry, tally),
-        Policy::Clock => through::<Clock, _>(subject, processes, geometry, tally),
-        Policy::Random => through::<Random, _>(subject, processes, geometry, tally),
-        Policy::Optimal => {
-            Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()))
-        }
-    }
+    let Some(replacement) = policy.replacement() else {
+        return Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()));
+    };
+    with_policy!(replacement, R => through::<R, _>(subject, processes, geometry, tally))
 }
 
 fn through<R: Replacement, S: Subject>(

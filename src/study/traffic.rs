@@ -136,7 +136,7 @@ impl Traffic {
 fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoint> {
     let all = image_bytes / u64::from(line_bytes);
     let lines = (0..).map(|quarter| (all as f64 * libm::exp2(-f64::from(quarter) / 4.0)) as u32);
-    let lines: Vec<u32> = lines.take_while(|&lines| lines >= LINES_MIN).collect();
+    let lines: Vec<u32> = lines.take_while(|&lines| u64::from(lines) >= LINES_MIN).collect();
     let point = |&lines: &u32| {
         let totals = curve.at(lines);
         CurvePoint {
