@@ -9,11 +9,11 @@ use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::machine::specification::{LocalMemory, MemorySize, Replacement};
 use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::picture::Tiling;
-use crate::replay::count::Counters;
-use crate::replay::counts::{Counts, ratio};
-use crate::replay::curve::LruCurve;
-use crate::replay::schedule::Schedule;
-use crate::replay::subject::Subject;
+use crate::replay::model::count::Counters;
+use crate::replay::model::counts::{Counts, ratio};
+use crate::replay::model::curve::LruCurve;
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::stream::subject::Subject;
 use crate::replay::{Trace, TraceError};
 use crate::tile_order::TileOrder;
 

@@ -9,14 +9,14 @@ use crate::ids::ClusterId;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
 use crate::replay::contention::Cycle;
+use crate::replay::contention::timing::simulate_cluster;
 use crate::replay::exporters::accesses::Surroundings;
 use crate::replay::exporters::chrome::ChromeTrace;
 use crate::replay::exporters::vcd::BusWaves;
 use crate::replay::exporters::{csv, din, json, oracle_general};
-use crate::replay::schedule::schedule;
-use crate::replay::setting::{Assignment, Setting};
-use crate::replay::subject::Subject;
-use crate::replay::timing::simulate_cluster;
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 
 /// Windows in which a Chrome trace tells how much the bus was used.
 const UTILISATION_WINDOW: Cycle = 10_000;

@@ -1,7 +1,7 @@
 //! Lists of values → every combination of them, as settings that can be.
 
-use super::setting::{Assignment, Policy, Setting};
 use crate::machine::specification::{Arbiter, MemorySize};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::tile_order::TileOrder;
 
 /// More combinations than this are a slip of the keyboard.

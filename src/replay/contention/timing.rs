@@ -4,16 +4,16 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::TraceError;
-use super::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
-use super::count::Counters;
-use super::schedule::schedule;
-use super::setting::{Assignment, Setting};
-use super::subject::Subject;
-use super::work::{RecordedWork, Step, Tiles};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::{Replacement, with_policy};
 use crate::machine::specification::Bus;
+use crate::replay::TraceError;
+use crate::replay::contention::work::{RecordedWork, Step, Tiles};
+use crate::replay::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
+use crate::replay::model::count::Counters;
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 
 /// Of all clusters together, in simulated cycles.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
