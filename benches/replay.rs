@@ -16,10 +16,11 @@ use marti::machine::specification::{LocalMemory, MemorySize, Replacement};
 use marti::picture::{ImageSettings, Sides, Tiling};
 use marti::preparation::{Fallback, prepare};
 use marti::render::thread_cpu;
-use marti::replay::count::{Counters, Replayer, Sum};
-use marti::replay::curve::curve;
-use marti::replay::optimal::optimal;
-use marti::replay::{Captured, Lines, RecordLines, Trace, reads};
+use marti::replay::model::count::{Counters, Replayer, Sum};
+use marti::replay::model::curve::curve;
+use marti::replay::model::optimal::optimal;
+use marti::replay::stream::reads;
+use marti::replay::{Captured, Lines, RecordLines, Trace};
 use marti::scene::SceneSource;
 use marti::tracer::octree::Octree;
 

@@ -3,8 +3,8 @@
 use clap::Args;
 
 use super::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount};
-use crate::replay::grid::Grid;
-use crate::replay::setting::{ArbiterName, Assignment, Policy};
+use crate::replay::plan::grid::Grid;
+use crate::replay::plan::setting::{ArbiterName, Assignment, Policy};
 use crate::tile_order::TileOrder;
 
 #[derive(Clone, Debug, Args)]

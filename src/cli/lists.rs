@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use crate::machine::specification::{Arbiter, MemorySize};
-use crate::replay::setting::ArbiterName;
+use crate::replay::plan::setting::ArbiterName;
 use crate::topology::value::{Line, Nodes, Quantum, Ways, Width};
 
 /// Longer lists are slips of the keyboard.

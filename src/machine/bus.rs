@@ -47,8 +47,6 @@ pub struct BusStats {
     pub bulk_bytes: u64,
     /// Modelled jobs and pixels.
     pub message_bytes: u64,
-    pub writes: u64,
-    pub written_bytes: u64,
 }
 
 /// The fetches made for one attempt at a tile.
@@ -228,10 +226,7 @@ impl Bus {
                 }
             }
             (Request::Bulk { .. }, _) => self.stats.bulk_bytes += bytes,
-            (Request::Write { .. }, _) => {
-                self.stats.writes += 1;
-                self.stats.written_bytes += bytes;
-            }
+            (Request::Write { .. }, _) => {}
             // Their sender says how many.
             (Request::Job { .. } | Request::Pixels { .. }, _) => {
                 self.stats.message_bytes = self.stats.message_bytes.saturating_add(bytes);
@@ -368,15 +363,7 @@ mod tests {
         ];
         assert_eq!(kinds, expected);
         assert_eq!(rows[0].crc32c, Some(crc32c::crc32c(b"upload")));
-        let expected = BusStats {
-            transactions: 5,
-            fetches: 2,
-            fetched_bytes: 256,
-            bulk_bytes: 0,
-            message_bytes: 79,
-            writes: 1,
-            written_bytes: 6,
-        };
+        let expected = BusStats { transactions: 5, fetches: 2, fetched_bytes: 256, bulk_bytes: 0, message_bytes: 79 };
         assert_eq!(bus.stats(), expected);
         let count = |attempt| bus.fetches_of(tile, Attempt(attempt));
         assert_eq!(

@@ -180,7 +180,7 @@ impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::replay::captured;
+    use crate::replay::stream::captured;
     use crate::tracer::slices::Slices;
 
     #[test]

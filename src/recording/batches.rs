@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, RecordBatch};
-use arrow_buffer::Buffer;
+use arrow_buffer::{Buffer, MutableBuffer};
 use arrow_ipc::convert::try_fb_to_schema;
 use arrow_ipc::reader::{read_dictionary, read_record_batch};
 use arrow_ipc::{Endianness, Field as WrittenField, MetadataVersion, RecordBatch as Described, Type};
@@ -30,6 +30,8 @@ pub struct BatchLimits {
 #[error("byte {offset}, {}: {what}", place(*.batch))]
 pub struct BatchError {
     pub offset: u64,
+    /// From 0; the schema is the first.
+    pub frame: u64,
     /// From 0; all batches before it are sound. `None`: the schema is not.
     pub batch: Option<u64>,
     /// Expected and found.
@@ -49,8 +51,22 @@ pub struct Batch {
     pub number: u64,
     /// Of its frame.
     pub offset: u64,
+    /// Of its frame, from 0; the schema is the first.
+    pub frame: u64,
     /// The columns asked for, in the order asked for.
     pub columns: RecordBatch,
+    /// The columns' buffers lie in it.
+    body: Buffer,
+    body_offset: u64,
+}
+
+impl Batch {
+    /// Where in the file these values of a column begin; `None` if they are not of this batch, or lie there out of line,
+    /// so that Arrow copied them.
+    pub fn place(&self, values: &[u8]) -> Option<u64> {
+        let at = values.as_ptr().addr().checked_sub(self.body.as_ptr().addr())?;
+        (at + values.len() <= self.body.len()).then(|| self.body_offset + at as u64)
+    }
 }
 
 /// Reads batch by batch; holds one of them at a time, and the dictionaries.
@@ -66,20 +82,25 @@ pub struct Batches<F> {
 }
 
 impl<F: ReadAt> Batches<F> {
-    /// Reads the schema, whose first columns are those of `columns`, by name, type and whether they may be null.
+    /// Reads the schema. [`Self::with_columns`] tells which columns to read.
     ///
     /// # Errors
-    /// The stream does not begin with such a schema.
-    pub fn open(file: F, limits: BatchLimits, columns: &Schema) -> Result<Self, BatchError> {
+    /// The stream does not begin with a schema of such columns as recordings have.
+    pub fn open(file: F, limits: BatchLimits) -> Result<Self, BatchError> {
         let mut frames = Frames::new(file, limits.frame).map_err(|error| of_frame(error, None))?;
         let first = frames.next_frame().map_err(|error| of_frame(error, None))?;
-        let fault = |what: String| BatchError { offset: 0, batch: None, what, is_cut: false };
-        let first = first.ok_or_else(|| fault("expected a schema, the stream is empty".to_owned()))?;
-        let schema = schema(&first).map_err(fault)?;
-        same_columns(&schema, columns).map_err(fault)?;
-        let projection = (0..columns.fields().len()).collect();
-        let schema = Arc::new(schema);
-        Ok(Self { frames, limits, schema, projection, dictionaries: HashMap::new(), number: 0 })
+        let first = first.ok_or_else(|| of_schema("expected a schema, the stream is empty".to_owned()))?;
+        let schema = Arc::new(schema(&first).map_err(of_schema)?);
+        Ok(Self { frames, limits, schema, projection: Vec::new(), dictionaries: HashMap::new(), number: 0 })
+    }
+
+    /// To read these columns, which the schema begins with: by name, type and whether they may be null.
+    ///
+    /// # Errors
+    /// It begins with others.
+    pub fn with_columns(self, columns: &Schema) -> Result<Self, BatchError> {
+        same_columns(&self.schema, columns).map_err(of_schema)?;
+        Ok(Self { projection: (0..columns.fields().len()).collect(), ..self })
     }
 
     /// As written, with the metadata of the recording.
@@ -109,20 +130,15 @@ impl<F: ReadAt> Batches<F> {
                 FrameKind::Schema => return Err(self.fault(&frame, "expected a batch, found another schema".into())),
                 FrameKind::Dictionary => self.learn(&frame)?,
                 FrameKind::Batch => {
-                    let columns = self.columns(&frame)?;
-                    let number = self.number;
+                    let batch = self.batch(&frame)?;
                     self.number += 1;
-                    return Ok(Some(Batch { number, offset: frame.offset, columns }));
+                    return Ok(Some(batch));
                 }
             }
         }
     }
 
-    /// The columns of a frame of this stream.
-    ///
-    /// # Errors
-    /// It is not a batch of these columns.
-    pub fn columns(&self, frame: &Frame) -> Result<RecordBatch, BatchError> {
+    fn batch(&self, frame: &Frame) -> Result<Batch, BatchError> {
         let message = frame.message().map_err(|error| of_frame(error, Some(self.number)))?;
         let fault = |what| self.fault(frame, what);
         let described = message.header_as_record_batch().ok_or_else(|| fault("expected a batch".to_owned()))?;
@@ -130,8 +146,10 @@ impl<F: ReadAt> Batches<F> {
         buffers_fit(&described, self.schema.fields().iter().map(|field| field.data_type())).map_err(fault)?;
         let body = self.body(frame)?;
         let (schema, version) = (Arc::clone(&self.schema), message.version());
-        read_record_batch(&body, described, schema, &self.dictionaries, Some(&self.projection), &version)
-            .map_err(|error| fault(error.to_string()))
+        let columns = read_record_batch(&body, described, schema, &self.dictionaries, Some(&self.projection), &version)
+            .map_err(|error| fault(error.to_string()))?;
+        let (number, offset, body_offset) = (self.number, frame.offset, frame.body_offset);
+        Ok(Batch { number, offset, frame: frame.number, columns, body, body_offset })
     }
 
     fn learn(&mut self, frame: &Frame) -> Result<(), BatchError> {
@@ -152,19 +170,24 @@ impl<F: ReadAt> Batches<F> {
     }
 
     fn body(&self, frame: &Frame) -> Result<Buffer, BatchError> {
-        let mut body = Vec::new();
+        // Aligned for any column, unlike a vector of bytes.
+        let mut body = MutableBuffer::from_len_zeroed(usize::try_from(frame.body_bytes).unwrap_or(usize::MAX));
         frame.read_body(self.frames.file(), &mut body).map_err(|error| of_frame(error, Some(self.number)))?;
-        Ok(Buffer::from_vec(body))
+        Ok(body.into())
     }
 
     fn fault(&self, frame: &Frame, what: String) -> BatchError {
-        BatchError { offset: frame.offset, batch: Some(self.number), what, is_cut: false }
+        BatchError { offset: frame.offset, frame: frame.number, batch: Some(self.number), what, is_cut: false }
     }
 }
 
 fn of_frame(error: FrameError, batch: Option<u64>) -> BatchError {
     let is_cut = matches!(error.fault, FrameFault::Cut { .. });
-    BatchError { offset: error.offset, batch, what: error.fault.to_string(), is_cut }
+    BatchError { offset: error.offset, frame: error.frame, batch, what: error.fault.to_string(), is_cut }
+}
+
+fn of_schema(what: String) -> BatchError {
+    BatchError { offset: 0, frame: 0, batch: None, what, is_cut: false }
 }
 
 fn schema(frame: &Frame) -> Result<Schema, String> {

@@ -101,13 +101,11 @@ impl Frame {
         message(&self.metadata).map_err(|fault| FrameError { frame: self.number, offset: self.offset, fault })
     }
 
-    /// Replaces `into` with the body, which is at most as long as the limit.
+    /// Reads the body, for which there is room in `into`.
     ///
     /// # Errors
     /// The file has become shorter since, or cannot be read.
-    pub fn read_body(&self, file: &(impl ReadAt + ?Sized), into: &mut Vec<u8>) -> Result<(), FrameError> {
-        into.clear();
-        into.resize(usize::try_from(self.body_bytes).unwrap_or(usize::MAX), 0);
+    pub fn read_body(&self, file: &(impl ReadAt + ?Sized), into: &mut [u8]) -> Result<(), FrameError> {
         file.read_exact_at(into, self.body_offset).map_err(|error| FrameError {
             frame: self.number,
             offset: self.body_offset,
@@ -345,7 +343,7 @@ mod tests {
         for (i, pair) in frames.windows(2).enumerate() {
             assert_eq!((pair[0].number, pair[0].end()), (i as u64, pair[1].offset));
         }
-        let mut body = Vec::new();
+        let mut body = vec![0; frames[3].body_bytes as usize];
         frames[3].read_body(bytes.as_slice(), &mut body).expect("there");
         assert!(body.windows(32).any(|values| values == [2, 0, 0, 0].repeat(8)), "{body:?}");
         assert_eq!(frames[3].message().expect("verified").bodyLength() as usize, body.len());

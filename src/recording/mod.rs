@@ -7,15 +7,9 @@ pub mod batches;
 pub mod bus_log;
 mod error;
 pub mod frames;
+mod metadata;
 pub mod references;
+mod sidecar;
 
 pub use bus_log::{FILE_NAME, FORMAT_VERSION, Metadata, SIDECAR_NAME, Sidecar, Summary, Writer};
 pub use error::RecordingError;
-
-use crate::database::{Layout, Section};
-
-/// The layout as a schema's metadata tell it: JSON, records of each section.
-fn records_json(layout: &Layout) -> String {
-    let records = Section::ALL.map(|section| format!(r#""{}": {}"#, section.name(), layout.span(section).records));
-    format!("{{{}}}", records.join(", "))
-}

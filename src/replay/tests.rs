@@ -1,10 +1,5 @@
 //! What a replay counts is what a node's local memory counts.
 
-use super::captured::tests::teapot;
-use super::count::{Counters, Replayer, Sum, Tally};
-use super::detail::{Classes, Detail};
-use super::schedule::Schedule;
-use super::{Captured, RecordLines, Trace, TraceError, TracedTile};
 use crate::database::verify::Verified;
 use crate::database::{Layout, Section};
 use crate::ids::{Address, Attempt, Epoch, NodeId, TileId};
@@ -16,6 +11,11 @@ use crate::machine::specification::{self, MemorySize};
 use crate::machine::stats::MemoryStats;
 use crate::machine::transaction::FetchRequest;
 use crate::recording::references::octree_levels;
+use crate::replay::model::count::{Counters, Replayer, Sum, Tally};
+use crate::replay::model::detail::{Classes, Detail};
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::stream::captured::tests::teapot;
+use crate::replay::{Captured, RecordLines, Trace, TraceError, TracedTile};
 use crate::tracer::MemoryPort;
 
 const SEED: u64 = 7;

@@ -5,7 +5,7 @@ use super::levels::Level;
 use super::page::Figure;
 use super::plot::{Axis, Chart, Series, Style};
 use super::traffic::{CurvePoint, Traffic};
-use crate::replay::contention_table::ContentionRow;
+use crate::replay::contention::table::ContentionRow;
 
 /// From 1/32 to the whole database.
 pub fn shares() -> Axis {

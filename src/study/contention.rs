@@ -6,8 +6,8 @@ use super::conditions::Conditions;
 use super::published;
 use super::traced::Traced;
 use crate::machine::specification::{Bus, MemorySize, Processor};
-use crate::replay::contention_table::{ContentionTable, contention_table};
-use crate::replay::setting::{Assignment, Policy, Setting};
+use crate::replay::contention::table::{ContentionTable, contention_table};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::replay::{Trace, TraceError};
 use crate::tile_order::TileOrder;
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::replay::counts::{Counts, ratio};
+use crate::replay::model::counts::{Counts, ratio};
 
 /// What "shared memory accesses over local memory accesses" may mean: the paper does not say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -46,7 +46,7 @@ impl Ratio {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::replay::count::Counters;
+    use crate::replay::model::count::Counters;
 
     #[test]
     fn ratios_are_those_worked_by_hand() {

@@ -5,7 +5,7 @@ use crate::machine::specification::{Arbiter, Bus, MemorySize, Processor};
 use crate::picture::{ImageSettings, Sides, Tiling};
 use crate::preparation::{self, Fallback, Prepared};
 use crate::replay::Captured;
-use crate::replay::setting::{Assignment, Policy, Setting};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::scene::SceneSource;
 use crate::tile_order::TileOrder;
 use crate::tracer::octree::Octree;

@@ -10,10 +10,10 @@ use crate::machine::stats::MemoryStats;
 use crate::picture::Tiling;
 use crate::preparation::Prepared;
 use crate::recording::references::octree_levels;
-use crate::replay::curve::{self, LruCurve};
-use crate::replay::detail::{Classes, Detail};
-use crate::replay::schedule::Schedule;
-use crate::replay::subject::DatabaseTrace;
+use crate::replay::model::curve::{self, LruCurve};
+use crate::replay::model::detail::{Classes, Detail};
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::stream::subject::DatabaseTrace;
 use crate::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
 use crate::tracer::RayKind;
 use crate::tracer::octree::Octree;
@@ -170,8 +170,8 @@ mod tests {
     use crate::database::Section;
     use crate::machine::specification::MemorySize;
     use crate::machine::stats::{CLASSES, Counters, octree_class};
-    use crate::replay::evaluation::{Evaluation, evaluate};
-    use crate::replay::subject::Subject;
+    use crate::replay::model::evaluation::{Evaluation, evaluate};
+    use crate::replay::stream::subject::Subject;
     use crate::study::{levels, sample};
     use crate::tile_order::TileOrder;
 
@@ -193,7 +193,7 @@ mod tests {
         let (_, traced) = sample::gears();
         let misses = |nodes| {
             let local_memory = MemorySize::Share { numerator: 1, denominator: 1 };
-            let setting = crate::replay::setting::Setting { local_memory, ..sample::setting(nodes) };
+            let setting = crate::replay::plan::setting::Setting { local_memory, ..sample::setting(nodes) };
             let rows = evaluate(&traced, &[setting], &Evaluation::default(), |_| {}).expect("in memory");
             assert_eq!(rows[0].counts.words_read, traced.reads.words_read());
             let schedule = Schedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));

@@ -9,11 +9,11 @@ use crate::machine::local_memory::{Geometry, GeometryError, LINES_MIN};
 use crate::machine::specification::{LocalMemory, MemorySize, Replacement};
 use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::picture::Tiling;
-use crate::replay::count::Counters;
-use crate::replay::counts::{Counts, ratio};
-use crate::replay::curve::LruCurve;
-use crate::replay::schedule::Schedule;
-use crate::replay::subject::Subject;
+use crate::replay::model::count::Counters;
+use crate::replay::model::counts::{Counts, ratio};
+use crate::replay::model::curve::LruCurve;
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::stream::subject::Subject;
 use crate::replay::{Trace, TraceError};
 use crate::tile_order::TileOrder;
 
@@ -136,7 +136,7 @@ impl Traffic {
 fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoint> {
     let all = image_bytes / u64::from(line_bytes);
     let lines = (0..).map(|quarter| (all as f64 * libm::exp2(-f64::from(quarter) / 4.0)) as u32);
-    let lines: Vec<u32> = lines.take_while(|&lines| lines >= LINES_MIN).collect();
+    let lines: Vec<u32> = lines.take_while(|&lines| u64::from(lines) >= LINES_MIN).collect();
     let point = |&lines: &u32| {
         let totals = curve.at(lines);
         CurvePoint {

@@ -3,9 +3,9 @@
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, json, print};
 use crate::progress::Parts;
-use crate::replay::contention_table::contention_table;
-use crate::replay::setting::Setting;
-use crate::replay::subject::Subject;
+use crate::replay::contention::table::contention_table;
+use crate::replay::plan::setting::Setting;
+use crate::replay::stream::subject::Subject;
 
 /// Numbers of nodes where none are asked for.
 const NODES: [u16; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];

@@ -6,12 +6,12 @@ use crate::cli::grid_options::SETTINGS;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use crate::outlet;
-use crate::replay::counts::ratio;
-use crate::replay::curve::{LruCurve, curve};
-use crate::replay::schedule::schedule;
-use crate::replay::setting::{Assignment, Setting};
-use crate::replay::subject::Subject;
-use crate::replay::verify::verify;
+use crate::replay::model::counts::ratio;
+use crate::replay::model::curve::{LruCurve, curve};
+use crate::replay::model::verify::verify;
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 use crate::replay::{Lines, parallel};
 use crate::tile_order::TileOrder;
 

@@ -9,14 +9,14 @@ use crate::ids::ClusterId;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
 use crate::replay::contention::Cycle;
+use crate::replay::contention::timing::simulate_cluster;
 use crate::replay::exporters::accesses::Surroundings;
 use crate::replay::exporters::chrome::ChromeTrace;
 use crate::replay::exporters::vcd::BusWaves;
 use crate::replay::exporters::{csv, din, json, oracle_general};
-use crate::replay::schedule::schedule;
-use crate::replay::setting::{Assignment, Setting};
-use crate::replay::subject::Subject;
-use crate::replay::timing::simulate_cluster;
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 
 /// Windows in which a Chrome trace tells how much the bus was used.
 const UTILISATION_WINDOW: Cycle = 10_000;
@@ -38,6 +38,22 @@ pub(super) enum Export {
     Vcd,
 }
 
+/// Those of the references of nodes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum ReferenceFormat {
+    Din,
+    OracleGeneral,
+    Csv,
+    Json,
+}
+
+/// Those of a simulated bus.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum BusFormat {
+    Chrome,
+    Vcd,
+}
+
 pub(super) fn export(
     recording: &Recording,
     settings: &[Setting],
@@ -48,19 +64,25 @@ pub(super) fn export(
     let [setting] = settings else {
         return Err(Failure::bad_input(format!("{} settings, expected one value of each option", settings.len())));
     };
+    let of_nodes = |format| export_references(recording, setting, format, node, out);
+    let of_bus = |format| match node {
+        Some(_) => Err(Failure::bad_input("--node chooses references; a simulated bus is that of all nodes")),
+        None => export_bus(recording, setting, format, out),
+    };
     match format {
-        Export::Chrome | Export::Vcd if node.is_some() => {
-            Err(Failure::bad_input("--node chooses references; a simulated bus is that of all nodes"))
-        }
-        Export::Chrome | Export::Vcd => export_bus(recording, setting, format, out),
-        _ => export_references(recording, setting, format, node, out),
+        Export::Din => of_nodes(ReferenceFormat::Din),
+        Export::OracleGeneral => of_nodes(ReferenceFormat::OracleGeneral),
+        Export::Csv => of_nodes(ReferenceFormat::Csv),
+        Export::Json => of_nodes(ReferenceFormat::Json),
+        Export::Chrome => of_bus(BusFormat::Chrome),
+        Export::Vcd => of_bus(BusFormat::Vcd),
     }
 }
 
 fn export_references(
     recording: &Recording,
     setting: &Setting,
-    format: Export,
+    format: ReferenceFormat,
     node: Option<u16>,
     out: &Path,
 ) -> Result<(), Failure> {
@@ -70,7 +92,7 @@ fn export_references(
         ));
     }
     let nodes = schedule(recording, setting).nodes;
-    let is_of_one_memory = matches!(format, Export::Din | Export::OracleGeneral);
+    let is_of_one_memory = matches!(format, ReferenceFormat::Din | ReferenceFormat::OracleGeneral);
     let tiles: Vec<u32> = match node {
         Some(node) => match nodes.get(usize::from(node)) {
             Some(processes) if is_of_one_memory && processes.len() > 1 => {
@@ -97,10 +119,10 @@ fn export_references(
     let mut references = 0;
     write(out, |file| {
         references = match format {
-            Export::OracleGeneral => oracle_general::write(file, recording, &tiles, &lines, setting.line),
-            Export::Csv => csv::write(file, recording, &tiles, surroundings),
-            Export::Json => json::write(file, recording, &tiles, surroundings),
-            Export::Din | Export::Chrome | Export::Vcd => din::write(file, recording, &tiles, &lines, setting.line),
+            ReferenceFormat::Din => din::write(file, recording, &tiles, &lines, setting.line),
+            ReferenceFormat::OracleGeneral => oracle_general::write(file, recording, &tiles, &lines, setting.line),
+            ReferenceFormat::Csv => csv::write(file, recording, &tiles, surroundings),
+            ReferenceFormat::Json => json::write(file, recording, &tiles, surroundings),
         }
         .map_err(io::Error::other)?;
         Ok(())
@@ -109,12 +131,12 @@ fn export_references(
 }
 
 /// The clusters one after the other, each from cycle 0 on; waves are those of the first.
-fn export_bus(recording: &Recording, setting: &Setting, format: Export, out: &Path) -> Result<(), Failure> {
+fn export_bus(recording: &Recording, setting: &Setting, format: BusFormat, out: &Path) -> Result<(), Failure> {
     let geometry = Geometry::new(&setting.memory(), &recording.layout)
         .map_err(|error| Failure::bad_input(format!("local memory: {error}")))?;
     let mut transactions = 0;
     write(out, |file| {
-        if format == Export::Vcd {
+        if format == BusFormat::Vcd {
             let waves = BusWaves::new(file, ClusterId(0), setting.nodes);
             let simulated = simulate_cluster(recording, setting, geometry, 0, &mut &waves, |step| waves.step(step));
             transactions = simulated.map_err(io::Error::other)?.0.transactions;

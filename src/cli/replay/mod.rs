@@ -19,10 +19,10 @@ use super::{Failure, print};
 use crate::outlet;
 use crate::progress::Parts;
 use crate::recording::references::Opened;
-use crate::replay::evaluation::{Evaluation, Row, evaluate};
 use crate::replay::importers::{self, Imported};
-use crate::replay::setting::Setting;
-use crate::replay::subject::Subject;
+use crate::replay::model::evaluation::{Evaluation, Row, evaluate};
+use crate::replay::plan::setting::Setting;
+use crate::replay::stream::subject::Subject;
 use crate::topology::recorded::open_references;
 
 /// Put recorded references through other memories, node counts and buses

@@ -11,13 +11,13 @@ use crate::cli::{Failure, print};
 use crate::database::Section;
 use crate::machine::local_memory::Geometry;
 use crate::recording::references::Recording;
-use crate::replay::count::Counters;
-use crate::replay::counts::ratio;
-use crate::replay::heat_map::{self, Scale};
-use crate::replay::node::replay_node;
-use crate::replay::origins::{Origins, OriginsTally};
-use crate::replay::schedule::schedule;
-use crate::replay::setting::{Assignment, Setting};
+use crate::replay::model::count::Counters;
+use crate::replay::model::counts::ratio;
+use crate::replay::model::node::replay_node;
+use crate::replay::origin::heat_map::{self, Scale};
+use crate::replay::origin::origins::{Origins, OriginsTally};
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
 use crate::tracer::RayKind;
 
 /// What is drawn.
@@ -96,7 +96,7 @@ pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format:
 
 pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, out: &Path) -> Result<(), Failure> {
     let origins = counted(recording, one(settings)?)?;
-    let value = |pixel: &crate::replay::origins::PixelCounts| match what {
+    let value = |pixel: &crate::replay::origin::origins::PixelCounts| match what {
         HeatMap::Misses => pixel.record_misses,
         HeatMap::Octree => pixel.octree_accesses,
     };

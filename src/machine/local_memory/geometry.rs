@@ -4,7 +4,7 @@ use crate::database::Layout;
 use crate::machine::specification;
 
 /// Fewer lines make no memory: the lines of a record alone would drive each other out.
-pub const LINES_MIN: u32 = 16;
+pub const LINES_MIN: u64 = specification::LocalMemory::LINES_MIN;
 
 /// A local memory of `sets` sets of `ways` lines, for an image of `image_lines` lines.
 ///
@@ -26,7 +26,7 @@ pub enum GeometryError {
     #[error("a share of {numerator}/{denominator}: expected above 0 and at most 1")]
     Share { numerator: u32, denominator: u32 },
     #[error("{bytes} bytes are {} lines of {line_bytes} bytes: expected at least {LINES_MIN} lines, {} bytes",
-            bytes / u64::from(*line_bytes), LINES_MIN * line_bytes)]
+            bytes / u64::from(*line_bytes), LINES_MIN * u64::from(*line_bytes))]
     TooSmall { bytes: u64, line_bytes: u32 },
     #[error("{ways} ways in a memory of {lines} lines: expected 1 to {lines}")]
     Ways { ways: u32, lines: u32 },
@@ -73,15 +73,15 @@ impl Geometry {
     fn lines_asked(size: specification::MemorySize, line_bytes: u32, image_bytes: u64) -> Result<u64, GeometryError> {
         let line = u64::from(line_bytes);
         match size {
-            specification::MemorySize::All => Ok((image_bytes / line).max(u64::from(LINES_MIN))),
+            specification::MemorySize::All => Ok((image_bytes / line).max(LINES_MIN)),
             specification::MemorySize::Share { numerator, denominator } => {
                 if numerator == 0 || numerator > denominator {
                     return Err(GeometryError::Share { numerator, denominator });
                 }
                 let bytes = u128::from(image_bytes) * u128::from(numerator) / u128::from(denominator);
-                Ok((bytes as u64 / line).max(u64::from(LINES_MIN)))
+                Ok((bytes as u64 / line).max(LINES_MIN))
             }
-            specification::MemorySize::Bytes(bytes) if bytes < u64::from(LINES_MIN) * line => {
+            specification::MemorySize::Bytes(bytes) if bytes < LINES_MIN * line => {
                 Err(GeometryError::TooSmall { bytes, line_bytes })
             }
             specification::MemorySize::Bytes(bytes) => Ok(bytes / line),

@@ -27,6 +27,24 @@ pub trait Replacement {
     fn fill(&mut self, slot: u32);
 }
 
+/// Evaluates an expression in which `$policy` names the type of the policy that a specification asks for: compiled once
+/// for each of them.
+macro_rules! with_policy {
+    ($specification:expr, $policy:ident => $body:expr) => {
+        with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random)
+    };
+    (@match $specification:expr, $policy:ident => $body:expr; $($name:ident),+) => {
+        match $specification {
+            $($crate::machine::specification::Replacement::$name => {
+                type $policy = $crate::machine::replacement::$name;
+                $body
+            })+
+        }
+    };
+}
+
+pub(crate) use with_policy;
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -10,7 +10,7 @@ use crate::machine::stats::MemoryStats;
 use crate::picture::Tiling;
 use crate::preparation::Prepared;
 use crate::recording::references::{Seal, octree_levels};
-use crate::replay::live;
+use crate::replay::model::live;
 use crate::report::conservation::Check;
 use crate::topology::Topology;
 use crate::topology::recorded::open_references;

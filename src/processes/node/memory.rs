@@ -6,8 +6,8 @@ use super::tile_memory::TileMemory;
 use super::whole_database::{self, PullError, WholeDatabase};
 use crate::ids::{Epoch, NodeId};
 use crate::machine::local_memory::GeometryError;
-use crate::machine::replacement::{Clock, Fifo, Lru, Random};
-use crate::machine::specification::{MemorySize, Replacement};
+use crate::machine::replacement::with_policy;
+use crate::machine::specification::MemorySize;
 use crate::protocol::control::NodeConfiguration;
 use crate::recording::RecordingError;
 use crate::tracer::bvh8::Bvh8;
@@ -31,20 +31,10 @@ pub fn with<E: From<MemoryStartError>>(
         return serve(&mut WholeDatabase::new(&bvh, &database, view, Simd::best(), bus));
     }
     let references = References::new(configuration, process).map_err(MemoryStartError::from)?;
-    match local_memory.replacement {
-        Replacement::Lru => {
-            serve(&mut SimulatedMemory::<Lru>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
-        }
-        Replacement::Fifo => {
-            serve(&mut SimulatedMemory::<Fifo>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
-        }
-        Replacement::Clock => {
-            serve(&mut SimulatedMemory::<Clock>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
-        }
-        Replacement::Random => {
-            serve(&mut SimulatedMemory::<Random>::new(configuration, bus, references).map_err(MemoryStartError::from)?)
-        }
-    }
+    with_policy!(local_memory.replacement, Policy => {
+        let memory = SimulatedMemory::<Policy>::new(configuration, bus, references);
+        serve(&mut memory.map_err(MemoryStartError::from)?)
+    })
 }
 
 #[derive(Debug, thiserror::Error)]

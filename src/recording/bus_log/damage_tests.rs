@@ -364,7 +364,8 @@ fn no_byte_of_metadata_can_panic_the_reader() {
     let sound = written();
     let rows_of = |log: &[u8]| {
         let mut count = 0;
-        let Ok(mut batches) = Batches::open(log, LIMITS, &Format::columns()) else { return 0 };
+        let opened = Batches::open(log, LIMITS).and_then(|batches| batches.with_columns(&Format::columns()));
+        let Ok(mut batches) = opened else { return 0 };
         while let Ok(Some(batch)) = batches.next_batch() {
             let Ok(rows) = rows(&batch.columns) else { break };
             count += rows.len() as u64;

@@ -12,7 +12,7 @@ use crate::database::{Layout, Section};
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::specification::Arbiter;
 use crate::machine::transaction::{Kind, Transaction};
-use crate::recording::records_json;
+use crate::recording::metadata;
 
 /// Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
 pub const FORMAT_VERSION: u32 = 1;
@@ -34,20 +34,10 @@ impl Metadata {
             Arbiter::RoundRobin { quantum } => format!("round_robin {quantum}"),
             Arbiter::FixedPriority => "fixed_priority".to_owned(),
         };
-        let entries = [
-            ("marti.format_version", FORMAT_VERSION.to_string()),
-            ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("marti.cluster", self.cluster.0.to_string()),
-            ("marti.epoch", self.epoch.0.to_string()),
-            ("marti.arbiter", arbiter),
-            ("marti.image_bytes", self.layout.image_bytes().to_string()),
-            ("marti.records", records_json(&self.layout)),
-        ];
-        entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+        let own = [("marti.cluster", self.cluster.0.to_string()), ("marti.arbiter", arbiter)];
+        metadata::entries(FORMAT_VERSION, self.epoch, &self.layout, own)
     }
-}
 
-impl Metadata {
     /// What a schema says.
     ///
     /// # Errors

@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::format::{FORMAT_VERSION, Format, Metadata};
@@ -12,14 +11,12 @@ use super::writer::BATCH_ROWS;
 use crate::machine::transaction::Transaction;
 use crate::recording::batches::{BatchError, BatchLimits, Batches};
 use crate::recording::frames::{FrameLimits, ReadAt};
+use crate::recording::sidecar::{self, Sidecar as _, SidecarFault, checksum};
 use crate::regular_file;
 
 /// A row takes some 70 bytes.
 pub(super) const LIMITS: BatchLimits =
     BatchLimits { frame: FrameLimits { metadata_bytes: 64 << 10, body_bytes: 2 << 20 }, rows: BATCH_ROWS as u32 };
-/// A sidecar takes some 250.
-const SIDECAR_BYTES_MAX: u64 = 64 << 10;
-const CHECK_BYTES: usize = 256 << 10;
 
 /// What of a damaged log can still be used: its first rows, whose sequence has no gap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -102,7 +99,8 @@ impl Reader {
         let path = found(folder);
         let file = regular_file::open(&path).map_err(|error| unusable(&path, error.to_string()))?;
         let of_batch = |error| ReadError::new(&path, error, 0);
-        let batches = Batches::open(file, LIMITS, &Format::columns()).map_err(of_batch)?;
+        let batches = Batches::open(file, LIMITS).and_then(|batches| batches.with_columns(&Format::columns()));
+        let batches = batches.map_err(of_batch)?;
         let metadata = Metadata::parse(|key| batches.schema().metadata().get(key).map(String::as_str));
         let metadata =
             metadata.map_err(|what| ReadError { offset: Some(0), ..unusable(&path, format!("schema: {what}")) })?;
@@ -134,8 +132,8 @@ impl Reader {
             return Ok(None);
         };
         let fault = |what, rows| {
-            let (offset, batch) = (batch.offset, Some(batch.number));
-            ReadError::new(&self.path, BatchError { offset, batch, what, is_cut: false }, rows)
+            let (offset, frame, batch) = (batch.offset, batch.frame, Some(batch.number));
+            ReadError::new(&self.path, BatchError { offset, frame, batch, what, is_cut: false }, rows)
         };
         let read = rows(&batch.columns).map_err(|what| fault(what, self.rows))?;
         let mut last = self.last;
@@ -163,7 +161,7 @@ impl Reader {
 
 impl ReadError {
     fn new(path: &Path, error: BatchError, rows: u64) -> Self {
-        let BatchError { offset, batch, what, is_cut } = error;
+        let BatchError { offset, batch, what, is_cut, .. } = error;
         let what = if batch.is_none() { format!("schema: {what}") } else { what };
         let usable = Usable { rows, unaltered: is_cut };
         Self { path: path.to_owned(), offset: Some(offset), batch, what, usable }
@@ -232,15 +230,17 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
         return Err(lost("the bus was ended before it could finish this file".to_owned()));
     }
     // Without it nothing tells whether bytes were altered.
-    let json = read_short(&folder.join(SIDECAR_NAME)).map_err(|error| altered(format!("{SIDECAR_NAME}: {error}")))?;
-    let sidecar: Sidecar =
-        serde_json::from_slice(&json).map_err(|error| altered(format!("{SIDECAR_NAME} is not a sidecar: {error}")))?;
-    if sidecar.format_version != FORMAT_VERSION || !sidecar.complete {
-        let (version, complete) = (sidecar.format_version, sidecar.complete);
-        return Err(altered(format!(
-            "{SIDECAR_NAME}: expected format version {FORMAT_VERSION} and complete, found {version} and {complete}"
-        )));
-    }
+    let (sidecar, _) = sidecar::read::<Sidecar>(folder).map_err(|fault| {
+        let max = Sidecar::BYTES_MAX;
+        altered(match fault {
+            SidecarFault::Io(error) => format!("{SIDECAR_NAME}: {error}"),
+            SidecarFault::Long(bytes) => format!("{SIDECAR_NAME}: expected at most {max} bytes, found {bytes}"),
+            SidecarFault::Json(error) => format!("{SIDECAR_NAME} is not a sidecar: {error}"),
+            SidecarFault::Version { found, complete } => format!(
+                "{SIDECAR_NAME}: expected format version {FORMAT_VERSION} and complete, found {found} and {complete}"
+            ),
+        })
+    })?;
     let file = regular_file::open(&path).map_err(|error| lost(error.to_string()))?;
     let bytes = ReadAt::bytes(&file).map_err(|error| lost(error.to_string()))?;
     if bytes != sidecar.bytes {
@@ -255,29 +255,4 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
         )));
     }
     Ok(sidecar)
-}
-
-fn read_short(path: &Path) -> io::Result<Vec<u8>> {
-    let file = regular_file::open(path)?;
-    let bytes = file.metadata()?.len();
-    if bytes > SIDECAR_BYTES_MAX {
-        return Err(io::Error::other(format!("expected at most {SIDECAR_BYTES_MAX} bytes, found {bytes}")));
-    }
-    let mut read = Vec::new();
-    file.take(SIDECAR_BYTES_MAX).read_to_end(&mut read)?;
-    Ok(read)
-}
-
-/// Of so many bytes, in pieces.
-fn checksum(file: &File, bytes: u64) -> io::Result<u32> {
-    let mut buffer = vec![0; CHECK_BYTES];
-    let (mut offset, mut crc32c) = (0, 0);
-    while offset < bytes {
-        let length = (bytes - offset).min(CHECK_BYTES as u64);
-        let part = &mut buffer[..length as usize];
-        ReadAt::read_exact_at(file, part, offset)?;
-        crc32c = crc32c::crc32c_append(crc32c, part);
-        offset += length;
-    }
-    Ok(crc32c)
 }

@@ -12,8 +12,8 @@ use super::format::{FORMAT_VERSION, Format, Metadata};
 use crate::ids::{ClusterId, Epoch};
 use crate::machine::transaction::Transaction;
 use crate::patient_file::PatientFile;
-use crate::recording::RecordingError;
-use crate::{atomic_file, regular_file};
+use crate::recording::{RecordingError, sidecar};
+use crate::regular_file;
 
 /// The recording's name once it is whole.
 pub const FILE_NAME: &str = "bus.arrows";
@@ -54,6 +54,13 @@ pub struct Sidecar {
     pub last_sequence: Option<u64>,
     /// Always true: an incomplete recording has no sidecar.
     pub complete: bool,
+}
+
+impl sidecar::Sidecar for Sidecar {
+    const NAME: &'static str = SIDECAR_NAME;
+    const FORMAT_VERSION: u32 = FORMAT_VERSION;
+    /// One takes some 250.
+    const BYTES_MAX: u64 = 64 << 10;
 }
 
 /// A recording on its way to its files.
@@ -122,9 +129,9 @@ impl RowStream {
             last_sequence: sequences.map(|(_, last)| last),
             complete: true,
         };
-        let path = folder.join(SIDECAR_NAME);
-        let json = serde_json::to_string_pretty(&sidecar).map_err(io::Error::from).map(|json| json + "\n");
-        in_file(&path, json.and_then(|json| atomic_file::write(&path, |file| file.write_all(json.as_bytes()))))?;
+        let json = serde_json::to_string_pretty(&sidecar).map_err(io::Error::from);
+        let written = json.and_then(|json| sidecar::write::<Sidecar>(&folder, &(json + "\n")));
+        in_file(&folder.join(SIDECAR_NAME), written)?;
         Ok(sidecar)
     }
 }

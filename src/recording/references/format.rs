@@ -1,6 +1,5 @@
 //! The columns of recorded references. docs/recording.md explains each.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, ListArray, RecordBatch, UInt32Array, UInt64Array};
@@ -8,7 +7,7 @@ use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef};
 
 use crate::database::Layout;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
-use crate::recording::records_json;
+use crate::recording::metadata;
 
 /// Raised when a column or a word changes its meaning; a column added at the end does not raise it.
 pub const FORMAT_VERSION: u32 = 1;
@@ -55,10 +54,11 @@ pub(super) fn row_crc32c(
 /// The columns up to the words.
 pub(super) const COLUMNS: [&str; 7] = ["tile", "attempt", "part", "is_last", "primitive_tests", "crc32c", "references"];
 
-pub(super) fn schema(node: NodeId, epoch: Epoch, layout: &Layout) -> SchemaRef {
+/// The schema, without what it says of one recording.
+pub(super) fn columns() -> Schema {
     let [tile, attempt, part, is_last, tests, crc32c, references] = COLUMNS;
     let always = |column: &str, data_type| Field::new(column, data_type, false);
-    let fields = vec![
+    Schema::new(vec![
         always(tile, DataType::UInt32),
         always(attempt, DataType::UInt32),
         always(part, DataType::UInt32),
@@ -66,18 +66,12 @@ pub(super) fn schema(node: NodeId, epoch: Epoch, layout: &Layout) -> SchemaRef {
         always(tests, DataType::UInt64),
         always(crc32c, DataType::UInt32),
         always(references, DataType::List(word())),
-    ];
-    let entries = [
-        ("marti.format", "references".to_owned()),
-        ("marti.format_version", FORMAT_VERSION.to_string()),
-        ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("marti.node", node.0.to_string()),
-        ("marti.epoch", epoch.0.to_string()),
-        ("marti.image_bytes", layout.image_bytes().to_string()),
-        ("marti.records", records_json(layout)),
-    ];
-    let entries: HashMap<_, _> = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
-    Arc::new(Schema::new_with_metadata(fields, entries))
+    ])
+}
+
+pub(super) fn schema(node: NodeId, epoch: Epoch, layout: &Layout) -> SchemaRef {
+    let own = [("marti.format", "references".to_owned()), ("marti.node", node.0.to_string())];
+    Arc::new(columns().with_metadata(metadata::entries(FORMAT_VERSION, epoch, layout, own)))
 }
 
 fn word() -> Arc<Field> {

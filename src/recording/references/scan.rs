@@ -3,20 +3,25 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use arrow_ipc::{MessageHeader, Schema, Type};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{ArrowPrimitiveType, UInt32Type, UInt64Type};
+use arrow_array::{Array, PrimitiveArray};
+use arrow_schema::Schema;
 
-use super::format::{COLUMNS, row_crc32c};
+use super::format::{COLUMNS, columns, row_crc32c};
 use super::{FORMAT_VERSION, FileFacts};
 use crate::database::{Layout, Section};
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{PART_WORDS, RecordNumbers, Word};
-use crate::recording::frames::{Frame, FrameKind, FrameLimits, Frames, ReadAt};
-use crate::recording::records_json;
+use crate::recording::batches::{Batch, BatchError, BatchLimits, Batches};
+use crate::recording::frames::{FrameLimits, ReadAt};
+use crate::recording::metadata::records_json;
+use crate::recording::sidecar::checksum;
 use crate::regular_file;
 
 /// The schema's metadata are the longest; a batch is some columns and the words.
-pub(super) const LIMITS: FrameLimits =
-    FrameLimits { metadata_bytes: 1 << 16, body_bytes: 4 * PART_WORDS as u64 + 4096 };
+pub(super) const LIMITS: BatchLimits =
+    BatchLimits { frame: FrameLimits { metadata_bytes: 1 << 16, body_bytes: 4 * PART_WORDS as u64 + 4096 }, rows: 1 };
 
 /// Where some words of a stream lie.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -53,8 +58,8 @@ pub(super) struct Scan {
     pub(super) fault: Option<String>,
 }
 
-/// A row without its words.
-struct Row {
+/// A row, whose words stand in its batch.
+struct Row<'a> {
     tile: TileId,
     attempt: Attempt,
     part: u32,
@@ -62,7 +67,8 @@ struct Row {
     primitive_tests: u64,
     /// As recorded: of the whole row.
     crc32c: u32,
-    words: Place,
+    words: &'a [u32],
+    offset: u64,
 }
 
 impl Scan {
@@ -81,91 +87,51 @@ impl Scan {
     }
 
     fn walk(&mut self, layout: &Layout) -> Result<(), String> {
+        if self.facts.bytes == 0 {
+            return Err("the file is empty, expected a schema".to_owned());
+        }
         let file = self.file.try_clone().map_err(|error| error.to_string())?;
-        let mut frames = Frames::new(&file, LIMITS).map_err(|error| error.to_string())?;
+        let said = |error: BatchError| at(error.offset, error.frame, &error.what);
+        let batches = Batches::open(&file, LIMITS).map_err(said)?;
+        self.check_schema(batches.schema(), layout).map_err(|what| at(0, 0, &what))?;
+        let expected = |_| at(0, 0, &format!("expected the columns {}", COLUMNS.join(", ")));
+        let mut batches = batches.with_columns(&columns()).map_err(expected)?;
         let numbers = RecordNumbers::new(layout);
         let mut tests = 0;
-        let (mut body, mut words) = (Vec::new(), Vec::new());
-        while let Some(frame) = frames.next_frame().map_err(|error| error.to_string())? {
-            let at = |what: String| format!("byte {} (frame {}): {what}", frame.offset, frame.number);
-            match (frame.number, frame.kind) {
-                (0, FrameKind::Schema) => self.check_schema(&frame, layout).map_err(at)?,
-                (0, _) => return Err(at("expected a schema".to_owned())),
-                (_, FrameKind::Batch) => {
-                    frame.read_body(&file, &mut body).map_err(|error| error.to_string())?;
-                    let mut row = row(&frame, &body).map_err(at)?;
-                    let checked = self.check_words(&mut row, frame.body_offset, &body, &mut words, &numbers);
-                    let (reads, tested) = checked.map_err(at)?;
-                    tests = if row.part == 0 { tested } else { tests + tested };
-                    self.book(&row, reads, tests).map_err(at)?;
-                }
-                _ => return Err(at("expected a batch".to_owned())),
-            }
+        while let Some(batch) = batches.next_batch().map_err(said)? {
+            let mut take = || {
+                let row = row(&batch)?;
+                let (place, reads, tested) = check_words(&row, &numbers)?;
+                tests = if row.part == 0 { tested } else { tests + tested };
+                self.book(&row, place, reads, tests)
+            };
+            take().map_err(|what| at(batch.offset, batch.frame, &what))?;
         }
-        match frames.offset() {
-            0 => Err("the file is empty, expected a schema".to_owned()),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
-    fn check_schema(&self, frame: &Frame, layout: &Layout) -> Result<(), String> {
-        let message = frame.message().map_err(|error| error.to_string())?;
-        let schema = message.header_as_schema().ok_or("expected a schema")?;
-        let version = entry(schema, "marti.format_version").ok_or("expected the schema of recorded references")?;
-        if entry(schema, "marti.format") != Some("references") {
+    fn check_schema(&self, schema: &Schema, layout: &Layout) -> Result<(), String> {
+        let entry = |key: &str| schema.metadata().get(key).map(String::as_str);
+        let version = entry("marti.format_version").ok_or("expected the schema of recorded references")?;
+        if entry("marti.format") != Some("references") {
             return Err("expected the schema of recorded references".to_owned());
         }
         if version != FORMAT_VERSION.to_string() {
             return Err(format!("recorded in version {version} of the format, expected {FORMAT_VERSION}"));
         }
-        let process = (entry(schema, "marti.node"), entry(schema, "marti.epoch"));
+        let process = (entry("marti.node"), entry("marti.epoch"));
         let expected = (self.node.0.to_string(), self.epoch.0.to_string());
         if process != (Some(expected.0.as_str()), Some(expected.1.as_str())) {
             return Err(format!("the references of another process, expected {}, {}", self.node, self.epoch));
         }
-        if entry(schema, "marti.records") != Some(&records_json(layout)) {
+        if entry("marti.records") != Some(&records_json(layout)) {
             return Err("references to another database than that of the recording".to_owned());
         }
-        check_columns(schema)
-    }
-
-    /// Checks a row's words, and counts reads and reads of primitives.
-    fn check_words(
-        &self,
-        row: &mut Row,
-        body_offset: u64,
-        body: &[u8],
-        words: &mut Vec<u32>,
-        numbers: &RecordNumbers,
-    ) -> Result<(u64, u64), String> {
-        let from = (row.words.offset - body_offset) as usize;
-        let bytes = &body[from..from + 4 * row.words.words as usize];
-        row.words.crc32c = crc32c::crc32c(bytes);
-        let found = row_crc32c(row.words.crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
-        // A fuzzer cannot guess checksums, and is to see what they guard.
-        if found != row.crc32c && !cfg!(fuzzing) {
-            return Err(format!("crc32c of the row is {found:#010x}, expected {:#010x}", row.crc32c));
-        }
-        words.clear();
-        words.extend(bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
-        let tested = numbers.section(Section::Triangles).start..numbers.section(Section::Surfaces).start;
-        let (mut reads, mut tests) = (0u64, 0u64);
-        for &word in words.iter() {
-            if Word(word).is_read() {
-                if word >= numbers.count() {
-                    return Err(format!("a read of record {word}, expected one below {}", numbers.count()));
-                }
-                reads += 1;
-                tests += u64::from(tested.contains(&word));
-            } else if Word(word).decode().is_none() {
-                return Err(format!("{word:#010x} is no word that this version knows"));
-            }
-        }
-        Ok((reads, tests))
+        Ok(())
     }
 
     /// Adds the row to its tile.
-    fn book(&mut self, row: &Row, reads: u64, tests: u64) -> Result<(), String> {
+    fn book(&mut self, row: &Row, place: Place, reads: u64, tests: u64) -> Result<(), String> {
         let (tile, attempt) = (row.tile, row.attempt);
         match self.tiles.last().filter(|last| !last.whole) {
             Some(open) if (open.tile, open.attempt, open.parts) != (tile, attempt, row.part) => {
@@ -188,80 +154,75 @@ impl Scan {
             open.whole = row.is_last;
             open.references += reads;
         }
-        self.parts.push(row.words);
+        self.parts.push(place);
         Ok(())
     }
 }
 
 /// Length and checksum of a file.
-pub(super) fn facts(path: &Path, file: &File) -> std::io::Result<FileFacts> {
+fn facts(path: &Path, file: &File) -> std::io::Result<FileFacts> {
     let bytes = ReadAt::bytes(file)?;
-    let mut block = vec![0; bytes.min(1 << 18) as usize];
-    let (mut crc32c, mut at) = (0, 0);
-    while at < bytes {
-        let length = (bytes - at).min(block.len() as u64) as usize;
-        ReadAt::read_exact_at(file, &mut block[..length], at)?;
-        crc32c = crc32c::crc32c_append(crc32c, &block[..length]);
-        at += length as u64;
-    }
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(FileFacts { name, bytes, crc32c })
+    Ok(FileFacts { name, bytes, crc32c: checksum(file, bytes)? })
 }
 
-fn entry<'a>(schema: Schema<'a>, key: &str) -> Option<&'a str> {
-    schema.custom_metadata()?.iter().find(|entry| entry.key() == Some(key))?.value()
+fn at(offset: u64, frame: u64, what: &str) -> String {
+    format!("byte {offset} (frame {frame}): {what}")
 }
 
-fn check_columns(schema: Schema) -> Result<(), String> {
-    let types = [Type::Int, Type::Int, Type::Int, Type::Bool, Type::Int, Type::Int, Type::List];
-    let fields = schema.fields().ok_or("expected columns")?;
-    let found = fields.iter().map(|field| (field.name().unwrap_or_default(), field.type_type()));
-    if !found.take(COLUMNS.len()).eq(COLUMNS.into_iter().zip(types)) {
-        return Err(format!("expected the columns {}", COLUMNS.join(", ")));
-    }
-    Ok(())
-}
-
-/// Takes a batch apart. The columns' buffers are validity and values in turn; the list's are validity, offsets,
-/// and those of its words.
-fn row(frame: &Frame, body: &[u8]) -> Result<Row, String> {
-    let message = frame.message().map_err(|error| error.to_string())?;
-    if message.header_type() != MessageHeader::RecordBatch {
-        return Err("expected a batch".to_owned());
-    }
-    let batch = message.header_as_record_batch().ok_or("expected a batch")?;
-    if batch.length() != 1 || batch.compression().is_some() {
+fn row(batch: &Batch) -> Result<Row<'_>, String> {
+    if batch.columns.num_rows() != 1 {
         return Err("expected a batch of one row, uncompressed".to_owned());
     }
-    let buffers = batch.buffers().ok_or("expected buffers")?;
-    // Later versions may add columns at the end.
-    if buffers.len() < 2 * COLUMNS.len() + 2 {
-        return Err(format!("{} buffers, expected {} columns", buffers.len(), COLUMNS.len()));
+    let columns = batch.columns.columns();
+    let not_it = || "expected the columns of the schema".to_owned();
+    let is_last = columns[3].as_boolean_opt().ok_or_else(not_it)?.value(0);
+    let list = columns[6].as_list_opt::<i32>().ok_or_else(not_it)?;
+    let [first, end] = *list.value_offsets() else { return Err(not_it()) };
+    if first != 0 || end <= 0 || end as usize > PART_WORDS {
+        return Err(format!("words {first} to {end} of a part, expected 0 to 1 or more, at most {PART_WORDS}"));
     }
-    let values = |buffer: usize, bytes: usize| -> Result<&[u8], String> {
-        let place = buffers.get(buffer);
-        let start = usize::try_from(place.offset()).unwrap_or(usize::MAX);
-        let is_there = place.length() >= bytes as i64;
-        let values = body.get(start..).and_then(|rest| rest.get(..bytes)).filter(|_| is_there);
-        values.ok_or_else(|| format!("buffer {buffer} lies outside of its batch"))
-    };
-    let u32_of = |bytes: &[u8]| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    let column = |column: usize| -> Result<u32, String> { Ok(u32_of(values(2 * column + 1, 4)?)) };
-    let tests = values(9, 8)?;
-    let offsets = values(13, 8)?;
-    let (first, words) = (u32_of(offsets), u32_of(&offsets[4..]));
-    if first != 0 || words == 0 || words as usize > PART_WORDS {
-        return Err(format!("words {first} to {words} of a part, expected 0 to 1 or more, at most {PART_WORDS}"));
-    }
-    values(15, 4 * words as usize)?;
-    let offset = frame.body_offset + buffers.get(15).offset() as u64;
+    let words = list.values().as_primitive_opt::<UInt32Type>().ok_or_else(not_it)?;
+    let words = words.values().get(..end as usize).ok_or_else(not_it)?;
+    let place = batch.place(bytemuck::cast_slice(words));
     Ok(Row {
-        tile: TileId(column(0)?),
-        attempt: Attempt(column(1)?),
-        part: column(2)?,
-        is_last: values(7, 1)?[0] & 1 == 1,
-        primitive_tests: u64::from(u32_of(tests)) | u64::from(u32_of(&tests[4..])) << 32,
-        crc32c: column(5)?,
-        words: Place { offset, words, crc32c: 0 },
+        tile: TileId(value::<UInt32Type>(&columns[0])?),
+        attempt: Attempt(value::<UInt32Type>(&columns[1])?),
+        part: value::<UInt32Type>(&columns[2])?,
+        is_last,
+        primitive_tests: value::<UInt64Type>(&columns[4])?,
+        crc32c: value::<UInt32Type>(&columns[5])?,
+        words,
+        offset: place.ok_or("expected words at a multiple of 4 bytes")?,
     })
+}
+
+/// Of a column with one row.
+fn value<T: ArrowPrimitiveType>(column: &dyn Array) -> Result<T::Native, String> {
+    let column: Option<&PrimitiveArray<T>> = column.as_primitive_opt();
+    column.map(|column| column.value(0)).ok_or_else(|| format!("expected a column of {}", T::DATA_TYPE))
+}
+
+/// Checks a row's words, and counts reads and reads of primitives.
+fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Place, u64, u64), String> {
+    let crc32c = crc32c::crc32c(bytemuck::cast_slice(row.words));
+    let found = row_crc32c(crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
+    // A fuzzer cannot guess checksums, and is to see what they guard.
+    if found != row.crc32c && !cfg!(fuzzing) {
+        return Err(format!("crc32c of the row is {found:#010x}, expected {:#010x}", row.crc32c));
+    }
+    let tested = numbers.section(Section::Triangles).start..numbers.section(Section::Surfaces).start;
+    let (mut reads, mut tests) = (0u64, 0u64);
+    for &word in row.words {
+        if Word(word).is_read() {
+            if word >= numbers.count() {
+                return Err(format!("a read of record {word}, expected one below {}", numbers.count()));
+            }
+            reads += 1;
+            tests += u64::from(tested.contains(&word));
+        } else if Word(word).decode().is_none() {
+            return Err(format!("{word:#010x} is no word that this version knows"));
+        }
+    }
+    Ok((Place { offset: row.offset, words: row.words.len() as u32, crc32c }, reads, tests))
 }

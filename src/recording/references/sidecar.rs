@@ -1,7 +1,7 @@
 //! `references.json`: what holds for all references of a run, written when the run is over.
 
 use std::collections::BTreeMap;
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::FORMAT_VERSION;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::picture::Sides;
-use crate::{atomic_file, regular_file};
+use crate::recording::sidecar::{self, SidecarFault};
 
 /// The sidecar's name.
 pub const SIDECAR_NAME: &str = "references.json";
@@ -63,19 +63,20 @@ pub struct FileFacts {
     pub crc32c: u32,
 }
 
+impl sidecar::Sidecar for Sidecar {
+    const NAME: &'static str = SIDECAR_NAME;
+    const FORMAT_VERSION: u32 = FORMAT_VERSION;
+    const BYTES_MAX: u64 = BYTES_MAX;
+}
+
 impl Sidecar {
     /// # Errors
     /// The file cannot be written; the error names it.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
-        let json = self.to_json()?;
-        atomic_file::write(&folder.join(SIDECAR_NAME), |file| io::Write::write_all(file, json.as_bytes()))
-    }
-
-    fn to_json(&self) -> io::Result<String> {
-        let mut json = serde_json::to_string(self).map_err(io::Error::other)?;
+        let mut json = serde_json::to_string(self)?;
         // The closing brace.
         json.pop();
-        Ok(format!("{json}{CHECKSUM}{}}}\n", crc32c::crc32c(json.as_bytes())))
+        sidecar::write::<Self>(folder, &format!("{json}{CHECKSUM}{}}}\n", crc32c::crc32c(json.as_bytes())))
     }
 
     /// Reads the sidecar of a folder, and what is wrong with it all the same.
@@ -83,30 +84,16 @@ impl Sidecar {
     /// # Errors
     /// It is not there, or nothing can be made of it.
     pub fn read(folder: &Path) -> Result<(Self, Option<String>), String> {
-        let mut text = Vec::new();
-        let file = regular_file::open(&folder.join(SIDECAR_NAME)).map_err(|error| error.to_string())?;
-        file.take(BYTES_MAX + 1).read_to_end(&mut text).map_err(|error| error.to_string())?;
-        if text.len() as u64 > BYTES_MAX {
-            return Err(format!("more than {BYTES_MAX} bytes, expected a sidecar"));
-        }
-        Self::parse(&text)
-    }
-
-    fn parse(text: &[u8]) -> Result<(Self, Option<String>), String> {
-        #[derive(Deserialize)]
-        struct Version {
-            format_version: u32,
-        }
-        let not_ours = |error: serde_json::Error| format!("{error}, expected the sidecar of recorded references");
-        let Version { format_version } = serde_json::from_slice(text).map_err(not_ours)?;
-        if format_version != FORMAT_VERSION {
-            return Err(format!("version {format_version} of the format, expected {FORMAT_VERSION}"));
-        }
-        let sidecar: Self = serde_json::from_slice(text).map_err(not_ours)?;
+        let (sidecar, text) = sidecar::read::<Self>(folder).map_err(|fault| match fault {
+            SidecarFault::Io(error) => error.to_string(),
+            SidecarFault::Long(_) => format!("more than {BYTES_MAX} bytes, expected a sidecar"),
+            SidecarFault::Json(error) => format!("{error}, expected the sidecar of recorded references"),
+            SidecarFault::Version { found, .. } => format!("version {found} of the format, expected {FORMAT_VERSION}"),
+        })?;
         if sidecar.files.len() > FILES_MAX {
             return Err(format!("{} files, expected at most {FILES_MAX}", sidecar.files.len()));
         }
-        Ok((sidecar, checksum_fault(text)))
+        Ok((sidecar, checksum_fault(&text)))
     }
 }
 

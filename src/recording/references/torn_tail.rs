@@ -36,7 +36,7 @@ fn cut(path: &Path) -> io::Result<()> {
 
 /// Bytes before the torn tail; `None` when there is none.
 fn sound_bytes(file: &File) -> io::Result<Option<u64>> {
-    let mut frames = Frames::new(file, LIMITS).map_err(io::Error::other)?;
+    let mut frames = Frames::new(file, LIMITS.frame).map_err(io::Error::other)?;
     loop {
         match frames.next_frame() {
             Ok(Some(_)) => {}

@@ -11,9 +11,12 @@ mod outcome;
 mod service;
 mod settings;
 mod simulation;
+pub mod table;
 #[cfg(test)]
 mod tests;
+pub mod timing;
 mod waits;
+pub mod work;
 mod workload;
 
 pub use closed_network::{ClosedNetwork, Load, largest_nodes, saturation_nodes};

@@ -5,8 +5,8 @@ use crate::database::{Layout, Section};
 use crate::ids::{Attempt, NodeId, TileId};
 use crate::machine::references::{Event, RecordNumbers};
 use crate::picture::Tiling;
-use crate::replay::detail::Classes;
-use crate::replay::pixels::Pixels;
+use crate::replay::model::detail::Classes;
+use crate::replay::origin::pixels::Pixels;
 use crate::replay::{Trace, TraceError};
 use crate::tracer::RayKind;
 

@@ -9,8 +9,8 @@ use super::vcd::BusWaves;
 use crate::ids::{ClusterId, NodeId, TileId};
 use crate::machine::specification::Bus;
 use crate::machine::transaction::Kind;
+use crate::replay::contention::work::Step;
 use crate::replay::contention::{Burst, ContentionSettings, Cycle, Observer, Transaction, simulate};
-use crate::replay::work::Step;
 
 /// An address word, 2 cycles of latency, a word of data: 4 cycles each.
 ///

@@ -11,8 +11,8 @@ use std::fmt;
 use std::io::{self, Write};
 
 use crate::ids::{ClusterId, NodeId, TileId};
+use crate::replay::contention::work::Step;
 use crate::replay::contention::{Cycle, Hold, Observer, Phase, Request};
-use crate::replay::work::Step;
 
 /// Writes events as they happen. A reference to it is the simulation's observer; the work of the nodes tells it its
 /// [`Step`]s.

@@ -14,8 +14,9 @@ pub mod vcd;
 
 use std::io;
 
-use super::{Lines, Trace, TraceError, reads};
 use crate::machine::references::{Event, Word};
+use crate::replay::stream::reads;
+use crate::replay::{Lines, Trace, TraceError};
 
 /// Why an export ended early.
 #[derive(Debug, thiserror::Error)]

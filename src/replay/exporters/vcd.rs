@@ -8,8 +8,8 @@ use std::io::{self, Write};
 
 use crate::ids::{ClusterId, NodeId};
 use crate::machine::transaction::Kind;
+use crate::replay::contention::work::Step;
 use crate::replay::contention::{Cycle, Hold, Observer, Request};
-use crate::replay::work::Step;
 
 /// Writes changes as time goes on. A reference to it is the simulation's observer; the work of the nodes tells it its
 /// [`Step`]s.

@@ -8,9 +8,9 @@ use crate::machine::local_memory::Geometry;
 use crate::machine::references::PART_WORDS;
 use crate::machine::replacement::{Clock, Lru};
 use crate::picture::{Sides, Tiling};
-use crate::replay::captured::tests::teapot;
-use crate::replay::count::{Counters, Replayer, Sum};
 use crate::replay::exporters::{self, accesses::Surroundings};
+use crate::replay::model::count::{Counters, Replayer, Sum};
+use crate::replay::stream::captured::tests::teapot;
 use crate::replay::{Lines, RecordLines, Trace};
 use crate::scene::SourceError;
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::replay::counts::ratio;
+use crate::replay::model::counts::ratio;
 use crate::study::conditions::Conditions;
 use crate::study::counts::Ratio;
 use crate::study::published;

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::replay::Trace;
-use crate::replay::evaluation::{Evaluation, Row, evaluate};
-use crate::replay::setting::{Assignment, Policy, Setting};
+use crate::replay::model::evaluation::{Evaluation, Row, evaluate};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::study::published;
 use crate::study::traced::Traced;
 use crate::study::traffic::TrafficError;

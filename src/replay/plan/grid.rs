@@ -1,7 +1,7 @@
 //! Lists of values → every combination of them, as settings that can be.
 
-use super::setting::{Assignment, Policy, Setting};
 use crate::machine::specification::{Arbiter, MemorySize};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::tile_order::TileOrder;
 
 /// More combinations than this are a slip of the keyboard.
@@ -30,34 +30,27 @@ impl Grid {
     /// # Errors
     /// There are too many, or one cannot be: the recorded assignment with another number of nodes.
     pub fn settings(&self, recorded: Setting) -> Result<Vec<Setting>, String> {
-        let Self { local_memory, line, ways, replacement, nodes, clusters, tile_order, bus_width, arbiter, .. } = self;
-        let lengths = [
-            local_memory.len(),
-            line.len(),
-            ways.len(),
-            replacement.len(),
-            nodes.len(),
-            clusters.len(),
-            tile_order.len(),
-            self.assignment.len(),
-            bus_width.len(),
-            arbiter.len(),
+        let axes = [
+            axis(&self.local_memory, |setting, value| setting.local_memory = value),
+            axis(&self.line, |setting, value| setting.line = value),
+            axis(&self.ways, |setting, value| setting.ways = value),
+            axis(&self.replacement, |setting, value| setting.replacement = value),
+            axis(&self.nodes, |setting, value| setting.nodes = value),
+            axis(&self.clusters, |setting, value| setting.clusters = value),
+            axis(&self.tile_order, |setting, value| setting.tile_order = value),
+            axis(&self.assignment, |setting, value| setting.assignment = value),
+            axis(&self.bus_width, |setting, value| setting.bus_width = value),
+            axis(&self.arbiter, |setting, value| setting.arbiter = value),
         ];
-        let count = lengths.iter().fold(1usize, |product, &length| product.saturating_mul(length.max(1)));
+        let count = axes.iter().fold(1usize, |product, axis| product.saturating_mul(axis.values.max(1)));
         if count > SETTINGS_MAX {
             return Err(format!("{count} combinations, expected at most {SETTINGS_MAX}"));
         }
         let mut settings = vec![recorded];
-        vary(&mut settings, local_memory, |setting, value| setting.local_memory = value);
-        vary(&mut settings, line, |setting, value| setting.line = value);
-        vary(&mut settings, ways, |setting, value| setting.ways = value);
-        vary(&mut settings, replacement, |setting, value| setting.replacement = value);
-        vary(&mut settings, nodes, |setting, value| setting.nodes = value);
-        vary(&mut settings, clusters, |setting, value| setting.clusters = value);
-        vary(&mut settings, tile_order, |setting, value| setting.tile_order = value);
-        vary(&mut settings, &self.assignment, |setting, value| setting.assignment = value);
-        vary(&mut settings, bus_width, |setting, value| setting.bus_width = value);
-        vary(&mut settings, arbiter, |setting, value| setting.arbiter = value);
+        for axis in axes.iter().filter(|axis| axis.values > 0) {
+            let with = |setting| (0..axis.values).map(move |i| (axis.with)(setting, i));
+            settings = settings.into_iter().flat_map(with).collect();
+        }
         for setting in &mut settings {
             let as_recorded = (setting.nodes, setting.clusters, setting.tile_order)
                 == (recorded.nodes, recorded.clusters, recorded.tile_order);
@@ -81,19 +74,19 @@ impl Grid {
     }
 }
 
-fn vary<T: Copy>(settings: &mut Vec<Setting>, values: &[T], set: impl Fn(&mut Setting, T)) {
-    if values.is_empty() {
-        return;
-    }
-    let each = |setting: &Setting| -> Vec<Setting> {
-        let with = |&value| {
-            let mut setting = *setting;
-            set(&mut setting, value);
-            setting
-        };
-        values.iter().map(with).collect()
+/// A list that is varied.
+struct Axis<'a> {
+    values: usize,
+    /// The setting with the list's value of this number.
+    with: Box<dyn Fn(Setting, usize) -> Setting + 'a>,
+}
+
+fn axis<'a, T: Copy>(values: &'a [T], set: impl Fn(&mut Setting, T) + 'a) -> Axis<'a> {
+    let with = move |mut setting: Setting, i: usize| {
+        set(&mut setting, values[i]);
+        setting
     };
-    *settings = settings.iter().flat_map(each).collect();
+    Axis { values: values.len(), with: Box::new(with) }
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! Where misses come from.
 
-use super::Trace;
-use super::count::{Counters, Tally};
-use super::detail::Classes;
-use super::pixels::Pixels;
 use crate::database::records::LEVELS;
 use crate::database::{Layout, Section};
 use crate::picture::Tiling;
+use crate::replay::Trace;
+use crate::replay::model::count::{Counters, Tally};
+use crate::replay::model::detail::Classes;
+use crate::replay::origin::pixels::Pixels;
 use crate::tracer::RayKind;
 
 /// Counts of accepted tiles, by what was read and what for. Each of the tables adds up to the same.
@@ -121,9 +121,9 @@ mod tests {
     use crate::machine::replacement::Lru;
     use crate::picture::Sides;
     use crate::recording::references::octree_levels;
-    use crate::replay::captured::tests::teapot;
-    use crate::replay::count::{Replayer, Sum};
-    use crate::replay::detail::Detail;
+    use crate::replay::model::count::{Replayer, Sum};
+    use crate::replay::model::detail::Detail;
+    use crate::replay::stream::captured::tests::teapot;
     use crate::replay::{Captured, Lines, RecordLines};
 
     const TILING: Tiling =

@@ -4,16 +4,16 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::TraceError;
-use super::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
-use super::count::Counters;
-use super::schedule::schedule;
-use super::setting::{Assignment, Policy, Setting};
-use super::subject::Subject;
-use super::work::{RecordedWork, Step, Tiles};
 use crate::machine::local_memory::Geometry;
-use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::machine::replacement::{Replacement, with_policy};
 use crate::machine::specification::Bus;
+use crate::replay::TraceError;
+use crate::replay::contention::work::{RecordedWork, Step, Tiles};
+use crate::replay::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
+use crate::replay::model::count::Counters;
+use crate::replay::plan::schedule::schedule;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 
 /// Of all clusters together, in simulated cycles.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
@@ -64,15 +64,11 @@ pub fn simulate_cluster<S: Subject>(
     observer: &mut impl Observer,
     on_step: impl FnMut(Step),
 ) -> Result<(Outcome, Counters), TraceError> {
-    match setting.replacement {
-        Policy::Lru => through::<Lru, _>(subject, setting, geometry, cluster, observer, on_step),
-        Policy::Fifo => through::<Fifo, _>(subject, setting, geometry, cluster, observer, on_step),
-        Policy::Clock => through::<Clock, _>(subject, setting, geometry, cluster, observer, on_step),
-        Policy::Random => through::<Random, _>(subject, setting, geometry, cluster, observer, on_step),
-        Policy::Optimal => Err(TraceError(
-            "optimal replacement has no times: it must know beforehand what a node will read".to_owned(),
-        )),
-    }
+    let Some(replacement) = setting.replacement.replacement() else {
+        let what = "optimal replacement has no times: it must know beforehand what a node will read";
+        return Err(TraceError(what.to_owned()));
+    };
+    with_policy!(replacement, R => through::<R, _>(subject, setting, geometry, cluster, observer, on_step))
 }
 
 fn through<R: Replacement, S: Subject>(

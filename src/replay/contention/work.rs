@@ -3,15 +3,15 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use super::contention::{Burst, Cycle, Transaction, Workload};
-use super::count::{Counters, Replayer, Sum};
-use super::subject::Subject;
-use super::{Lines, Tally, TraceError};
 use crate::ids::{NodeId, TileId};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::Replacement;
 use crate::machine::transaction::Kind;
 use crate::machine::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
+use crate::replay::contention::{Burst, Cycle, Transaction, Workload};
+use crate::replay::model::count::{Counters, Replayer, Sum};
+use crate::replay::stream::subject::Subject;
+use crate::replay::{Lines, Tally, TraceError};
 use crate::tracer::RayKind;
 
 /// Which tiles nodes take, as indices into those of the trace.

@@ -1,11 +1,11 @@
 //! Counts as a live node makes them: by ray kind, section and octree level.
 
-use super::Trace;
-use super::count::Tally;
 use crate::database::records::MAX_DEPTH;
 use crate::database::{Layout, Section};
 use crate::machine::references::RecordNumbers;
 use crate::machine::stats::{MemoryStats, octree_class, section_class};
+use crate::replay::Trace;
+use crate::replay::model::count::Tally;
 use crate::tracer::RayKind;
 
 /// What a record is counted as.

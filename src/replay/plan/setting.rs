@@ -30,6 +30,19 @@ impl From<specification::Replacement> for Policy {
     }
 }
 
+impl Policy {
+    /// That of a local memory; `None` for [`Self::Optimal`], which no memory has.
+    pub fn replacement(self) -> Option<specification::Replacement> {
+        match self {
+            Self::Lru => Some(specification::Replacement::Lru),
+            Self::Fifo => Some(specification::Replacement::Fifo),
+            Self::Clock => Some(specification::Replacement::Clock),
+            Self::Random => Some(specification::Replacement::Random),
+            Self::Optimal => None,
+        }
+    }
+}
+
 /// Which node gets which tile.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -100,12 +113,7 @@ impl Setting {
 
     /// The topology's words for its local memory; [`Policy::Optimal`] has none, and LRU stands for it.
     pub fn memory(&self) -> specification::LocalMemory {
-        let replacement = match self.replacement {
-            Policy::Lru | Policy::Optimal => specification::Replacement::Lru,
-            Policy::Fifo => specification::Replacement::Fifo,
-            Policy::Clock => specification::Replacement::Clock,
-            Policy::Random => specification::Replacement::Random,
-        };
+        let replacement = self.replacement.replacement().unwrap_or(specification::Replacement::Lru);
         specification::LocalMemory { size: self.local_memory, line: self.line, ways: self.ways, replacement }
     }
 

@@ -2,11 +2,11 @@
 
 use std::convert::Infallible;
 
-use super::{Trace, TraceError, TracedTile};
 use crate::database::verify::Verified;
 use crate::ids::{Attempt, Epoch, NodeId, TileId};
 use crate::machine::references::{RecordNumbers, Recorder};
 use crate::picture::{AovSet, Tiling};
+use crate::replay::{Trace, TraceError, TracedTile};
 use crate::tracer::slices::Slices;
 use crate::tracer::{TileTracer, View};
 

@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use super::contention::{ClosedNetwork, Cycle, Load, largest_nodes, saturation_nodes};
-use super::setting::{Assignment, Setting};
-use super::subject::Subject;
-use super::timing::simulate_cluster;
-use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
+use crate::replay::contention::timing::simulate_cluster;
+use crate::replay::contention::{ClosedNetwork, Cycle, Load, largest_nodes, saturation_nodes};
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
+use crate::replay::{TraceError, parallel};
 
 /// One number of nodes.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]

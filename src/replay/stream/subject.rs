@@ -1,14 +1,14 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
-use super::contention::ReadCycles;
-use super::importers::{Imported, TableLines};
-use super::{Lines, RecordLines, Trace};
 use crate::database::{Layout, Section};
 use crate::ids::TileId;
 use crate::machine::references::RecordNumbers;
 use crate::machine::specification::{Bus, Processor};
 use crate::picture::Tiling;
 use crate::recording::references::Recording;
+use crate::replay::contention::ReadCycles;
+use crate::replay::importers::{Imported, TableLines};
+use crate::replay::{Lines, RecordLines, Trace};
 use crate::tile_order;
 use crate::tile_order::TileOrder;
 

@@ -1,12 +1,12 @@
 //! A recording through the very memories that recorded it: the live counters, once more.
 
-use super::detail::{Classes, Detail};
-use super::node::replay_node;
-use super::schedule::Schedule;
-use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
 use crate::machine::stats::MemoryStats;
 use crate::recording::references::Recording;
+use crate::replay::model::detail::{Classes, Detail};
+use crate::replay::model::node::replay_node;
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::{TraceError, parallel};
 
 /// What each node counted in its accepted tiles; no time is in it.
 ///

@@ -1,8 +1,8 @@
 //! The reads of a stream as what memories see: lines.
 
-use super::lines::{SPANS_MAX, Spans};
-use super::{Lines, TraceError};
 use crate::machine::references::Word;
+use crate::replay::stream::lines::{SPANS_MAX, Spans};
+use crate::replay::{Lines, TraceError};
 
 /// Gives each record that is read to `each`: its first line, and how many lines it lies in.
 ///
@@ -29,7 +29,7 @@ pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(in crate::replay) mod tests {
     use super::*;
     use crate::ids::{NodeId, TileId};
     use crate::replay::Captured;

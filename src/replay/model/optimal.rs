@@ -4,14 +4,14 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::count::Counters;
-use super::next_use::{NextUses, Uses};
-use super::{Lines, Trace, TraceError};
 use crate::machine::local_memory::Geometry;
+use crate::replay::model::count::Counters;
+use crate::replay::model::next_use::{NextUses, Uses};
+use crate::replay::{Lines, Trace, TraceError};
 
 /// What memories count that know the future: the line that gives way is the one of its set that is used last, or never
 /// again. Every line that is missing is placed, as all memories of nodes do. One process, as for
-/// [`curve`](super::curve::curve()); the results are in the order of `geometries`.
+/// [`curve`](crate::replay::model::curve::curve()); the results are in the order of `geometries`.
 ///
 /// No memory of the same sets and ways misses fewer lines. Fetches are no fewer than with other victims only where
 /// each record lies in one line: a fetch of two lines costs no more than one of them.
@@ -102,10 +102,10 @@ impl Memory {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::count::{Replayer, Sum};
-    use super::super::reads::tests::{Overlapping, Single, captured};
     use super::*;
     use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+    use crate::replay::model::count::{Replayer, Sum};
+    use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
     fn geometry(lines: &impl Lines, sets: u32, ways: u32) -> Geometry {
         Geometry { line_bytes: 16, image_lines: lines.count(), sets, ways }

@@ -1,7 +1,7 @@
 //! Why a memory misses: Hill's three Cs (*Aspects of Cache Memory and Instruction Buffer Performance*, 1987).
 
-use super::count::Counters;
-use super::curve::LruCurve;
+use crate::replay::model::count::Counters;
+use crate::replay::model::curve::LruCurve;
 
 /// The misses of a memory, divided; their sum is the memory's own.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -44,13 +44,13 @@ pub fn classify(actual: &Counters, curve: &LruCurve, lines: u32) -> Classified {
 
 #[cfg(test)]
 mod tests {
-    use super::super::count::{Replayer, Sum};
-    use super::super::curve::curve;
-    use super::super::reads::tests::{Overlapping, Single, captured};
     use super::*;
     use crate::machine::local_memory::Geometry;
     use crate::machine::replacement::{Fifo, Lru, Replacement};
     use crate::replay::Lines;
+    use crate::replay::model::count::{Replayer, Sum};
+    use crate::replay::model::curve::curve;
+    use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
     fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u32, ways: u32) -> (Counters, Classified) {
         let trace = captured(&[records], 7);

@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 
-use super::count::{Counters, Replayer, Sum};
-use super::curve::{LruCurve, curve};
-use super::{Captured, Lines, Trace, TraceError, reads};
 use crate::machine::local_memory::Geometry;
 use crate::machine::replacement::Lru;
+use crate::replay::model::count::{Counters, Replayer, Sum};
+use crate::replay::model::curve::{LruCurve, curve};
+use crate::replay::stream::reads;
+use crate::replay::{Captured, Lines, Trace, TraceError};
 
 /// What the curve was recomputed by.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -131,12 +132,12 @@ fn by_list(trace: &Captured, lines: &impl Lines, size: u32) -> Result<Counters, 
 
 #[cfg(test)]
 mod tests {
-    use super::super::captured::tests::teapot;
-    use super::super::reads::tests::{Single, captured};
-    use super::super::schedule::Schedule;
     use super::*;
     use crate::replay::RecordLines;
-    use crate::replay::optimal::optimal;
+    use crate::replay::model::optimal::optimal;
+    use crate::replay::plan::schedule::Schedule;
+    use crate::replay::stream::captured::tests::teapot;
+    use crate::replay::stream::reads::tests::{Single, captured};
 
     #[test]
     fn the_teapots_curve_is_right_at_every_size_that_is_recomputed() {

@@ -1,17 +1,17 @@
 //! One node's local memory, over all that its processes traced.
 
-use super::TraceError;
-use super::count::{Replayer, Tally};
-use super::setting::Policy;
-use super::subject::Subject;
 use crate::machine::local_memory::Geometry;
-use crate::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::machine::replacement::{Replacement, with_policy};
+use crate::replay::TraceError;
+use crate::replay::model::count::{Replayer, Tally};
+use crate::replay::plan::setting::Policy;
+use crate::replay::stream::subject::Subject;
 
 /// Replays the processes of a node one after the other, each with an empty memory at its beginning.
 ///
 /// # Errors
 /// The trace's; optimal replacement, which no memory has that does not know what comes
-/// ([`optimal`](super::optimal::optimal) counts it).
+/// ([`optimal`](crate::replay::model::optimal::optimal) counts it).
 pub fn replay_node<S: Subject>(
     subject: &S,
     processes: &[Vec<u32>],
@@ -19,15 +19,10 @@ pub fn replay_node<S: Subject>(
     geometry: Geometry,
     tally: &mut impl Tally,
 ) -> Result<(), TraceError> {
-    match policy {
-        Policy::Lru => through::<Lru, _>(subject, processes, geometry, tally),
-        Policy::Fifo => through::<Fifo, _>(subject, processes, geometry, tally),
-        Policy::Clock => through::<Clock, _>(subject, processes, geometry, tally),
-        Policy::Random => through::<Random, _>(subject, processes, geometry, tally),
-        Policy::Optimal => {
-            Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()))
-        }
-    }
+    let Some(replacement) = policy.replacement() else {
+        return Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()));
+    };
+    with_policy!(replacement, R => through::<R, _>(subject, processes, geometry, tally))
 }
 
 fn through<R: Replacement, S: Subject>(

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::count::Counters;
+use crate::replay::model::count::Counters;
 
 /// Of all nodes together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -2,19 +2,19 @@
 
 use serde::Serialize;
 
-use super::count::{Counters, Sum};
-use super::counts::{Counts, ratio};
-use super::curve::{LruCurve, curve};
-use super::miss_classes::{MissClasses, classify};
-use super::node::replay_node;
-use super::optimal::optimal;
-use super::schedule::{Schedule, Schedules};
-use super::setting::{Assignment, Policy, Setting};
-use super::subject::Subject;
-use super::timing::{Timing, simulate_setting};
-use super::{TraceError, parallel};
 use crate::machine::local_memory::Geometry;
 use crate::machine::references::Word;
+use crate::replay::contention::timing::{Timing, simulate_setting};
+use crate::replay::model::count::{Counters, Sum};
+use crate::replay::model::counts::{Counts, ratio};
+use crate::replay::model::curve::{LruCurve, curve};
+use crate::replay::model::miss_classes::{MissClasses, classify};
+use crate::replay::model::node::replay_node;
+use crate::replay::model::optimal::optimal;
+use crate::replay::plan::schedule::{Schedule, Schedules};
+use crate::replay::plan::setting::{Assignment, Policy, Setting};
+use crate::replay::stream::subject::Subject;
+use crate::replay::{TraceError, parallel};
 use crate::tile_order::TileOrder;
 
 /// A row of a replay's table.

@@ -1,9 +1,9 @@
 //! Which simulated node traces which tiles, in which order.
 
-use super::Trace;
-use super::setting::{Assignment, Setting};
-use super::subject::Subject;
 use crate::ids::NodeId;
+use crate::replay::Trace;
+use crate::replay::plan::setting::{Assignment, Setting};
+use crate::replay::stream::subject::Subject;
 
 /// By node, its processes one after the other, each with an empty memory at its beginning: the tiles that it traces,
 /// as indices into those of the trace.

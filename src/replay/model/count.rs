@@ -1,11 +1,11 @@
 //! One local memory over the references of one node: hits and misses, without data.
 
-use super::lines::{SPANS_MAX, Spans};
-use super::{Lines, Trace, TraceError};
 use crate::machine::local_memory::{Directory, Geometry};
 use crate::machine::references::{Event, Word};
 use crate::machine::replacement::Replacement;
 pub use crate::machine::stats::Counters;
+use crate::replay::stream::lines::{SPANS_MAX, Spans};
+use crate::replay::{Lines, Trace, TraceError};
 use crate::tracer::RayKind;
 
 /// What is told of a replay as it goes.

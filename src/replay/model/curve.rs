@@ -1,10 +1,10 @@
 //! Misses of LRU memories of all sizes at once.
 
-use super::count::Counters;
-use super::reads;
-use super::schedule::Schedule;
-use super::stack_distance::LruStack;
-use super::{Lines, Trace, TraceError};
+use crate::replay::model::count::Counters;
+use crate::replay::model::stack_distance::LruStack;
+use crate::replay::plan::schedule::Schedule;
+use crate::replay::stream::reads;
+use crate::replay::{Lines, Trace, TraceError};
 
 /// How often a fully associative LRU memory misses, for every number of lines that it may have.
 ///
@@ -257,9 +257,9 @@ impl Eq for Distances {}
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::reads::tests::{Overlapping, Single, captured};
     use super::*;
     use crate::ids::Epoch;
+    use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
     fn curve_of(string: &[u32]) -> LruCurve {
         curve(&captured(&[string], 5), &[0], &Single(64)).expect("sound")

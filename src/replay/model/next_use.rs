@@ -8,7 +8,8 @@
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 
-use super::{Lines, Trace, TraceError, reads};
+use crate::replay::stream::reads;
+use crate::replay::{Lines, Trace, TraceError};
 
 /// A reference to a line, but for those that follow another one to the same line at once: these hit in any memory.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -164,8 +165,8 @@ fn trouble(error: &std::io::Error) -> TraceError {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::reads::tests::{Overlapping, captured};
     use super::*;
+    use crate::replay::stream::reads::tests::{Overlapping, captured};
 
     proptest! {
         #[test]
