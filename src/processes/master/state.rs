@@ -299,3 +299,124 @@ impl driver::Outgoing for Outgoing {
         Ok([&[]; 4])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ids::Epoch;
+    use crate::protocol::control::TileGrant;
+    use crate::protocol::mac::MacKey;
+    use crate::tile_order::Assignment;
+
+    const NODE: ConnectionId = ConnectionId::Accepted(7);
+
+    fn configure(first: u16, nodes: u16) -> Event {
+        Event::Command(MasterCommand::Configure(MasterConfiguration {
+            bus: ([127, 0, 0, 1], 1).into(),
+            first_node: NodeId(first),
+            nodes,
+            assignment: Assignment::OnDemand,
+            tile_deadline_milliseconds: 1000,
+            key: MacKey::new([1; 32]),
+        }))
+    }
+
+    fn at(state: &mut State, milliseconds: u64, event: Event) -> Vec<Action> {
+        state.handle(Duration::from_millis(milliseconds), event)
+    }
+
+    fn reports(actions: &[Action]) -> Vec<&MasterReport> {
+        actions
+            .iter()
+            .filter_map(|action| if let Action::Report(report) = action { Some(report) } else { None })
+            .collect()
+    }
+
+    /// With node 0 connected, and nothing to do.
+    fn serving() -> State {
+        let mut state = State::new(ClusterId(0));
+        at(&mut state, 0, configure(0, 2));
+        let listens = Event::Listening(([127, 0, 0, 1], 9).into());
+        assert!(reports(&at(&mut state, 1, listens)).is_empty(), "the bus is not reached");
+        let actions = at(&mut state, 1, Event::Dialled(BUS));
+        assert_eq!(reports(&actions), [&MasterReport::Listening(([127, 0, 0, 1], 9).into())]);
+        let peer = PeerId { role: Role::Node(NodeId(0)), epoch: Epoch(0) };
+        at(&mut state, 2, Event::Accepted(NODE, peer));
+        state
+    }
+
+    fn grant(tile: u32) -> Event {
+        let grant = TileGrant {
+            tile: crate::ids::TileId(tile),
+            attempt: crate::ids::Attempt(0),
+            node: None,
+            except: Vec::new(),
+        };
+        Event::Command(MasterCommand::Tiles(vec![grant]))
+    }
+
+    #[test]
+    fn nodes_that_cannot_be_are_refused() {
+        for (first, nodes) in [(0, 0), (65_535, 2), (2, 65_535)] {
+            let actions = at(&mut State::new(ClusterId(0)), 0, configure(first, nodes));
+            let [Action::Report(MasterReport::Incident(why)), Action::End(Err(_))] = &actions[..] else {
+                panic!("{first}, {nodes}")
+            };
+            assert!(why.contains("expected 1 or more, up to node 65535"), "{why}");
+        }
+        let actions = at(&mut State::new(ClusterId(0)), 0, configure(65_535, 1));
+        assert!(actions.iter().all(|action| !matches!(action, Action::End(_))));
+    }
+
+    #[test]
+    fn a_bus_that_is_lost_is_told_once_with_the_first_message_that_it_lacks() {
+        let mut state = serving();
+        assert!(at(&mut state, 3, Event::Closed(BUS, None)).is_empty());
+        for (tile, incidents) in [(0, 1), (1, 0)] {
+            at(&mut state, 4, Event::Received(NODE, Incoming(WorkRequest::Ready)));
+            let actions = at(&mut state, 5, grant(tile));
+            assert!(actions.iter().any(|action| matches!(action, Action::Send(NODE, Outgoing::Work(_)))));
+            let told = reports(&actions).into_iter().filter(|report| matches!(report, MasterReport::Incident(_)));
+            assert_eq!(told.count(), incidents, "tile {tile}");
+        }
+    }
+
+    #[test]
+    fn the_totals_are_reported_when_all_that_was_modelled_has_left() {
+        let mut state = serving();
+        at(&mut state, 3, Event::Received(NODE, Incoming(WorkRequest::Ready)));
+        at(&mut state, 3, grant(0));
+        let actions = at(&mut state, 4, Event::Command(MasterCommand::Finish));
+        assert!(matches!(&actions[..], [.., Action::Close(BUS)]), "not yet");
+        let actions = at(&mut state, 5, Event::Closed(BUS, None));
+        assert!(matches!(&actions[..], [Action::Report(MasterReport::Finished(_)), Action::End(Ok(()))]));
+        assert!(at(&mut state, 6, Event::Closed(BUS, None)).is_empty());
+    }
+
+    #[test]
+    fn a_node_that_comes_again_leaves_its_first_connection() {
+        let mut state = serving();
+        let again = ConnectionId::Accepted(8);
+        let peer = PeerId { role: Role::Node(NodeId(0)), epoch: Epoch(0) };
+        let actions = at(&mut state, 3, Event::Accepted(again, peer));
+        let closed = |action: &Action| if let Action::Close(id) = action { Some(*id) } else { None };
+        assert_eq!(actions.iter().filter_map(closed).collect::<Vec<_>>(), [NODE, again], "one process has one");
+        assert!(at(&mut state, 4, Event::Received(NODE, Incoming(WorkRequest::Ready))).is_empty());
+    }
+
+    #[test]
+    fn late_tiles_are_looked_for_every_100_ms() {
+        let mut state = serving();
+        at(&mut state, 3, Event::Received(NODE, Incoming(WorkRequest::Ready)));
+        at(&mut state, 3, grant(0));
+        let mut now = Duration::ZERO;
+        let late = loop {
+            now = state.next_deadline().expect("serving").max(now);
+            let actions = state.handle(now, Event::Deadline);
+            if reports(&actions).iter().any(|report| matches!(report, MasterReport::Late { .. })) {
+                break now;
+            }
+        };
+        assert!((1003..=1103).contains(&late.as_millis()), "{late:?}");
+    }
+}

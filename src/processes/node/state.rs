@@ -355,3 +355,7 @@ impl driver::Outgoing for Outgoing {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "state_tests.rs"]
+mod tests;
