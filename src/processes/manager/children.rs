@@ -8,12 +8,12 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
 use super::control_port::Connections;
+use super::event::Event;
 use super::executables::Executables;
 use super::life::{self, Fate, Link, Log, Order};
 use super::places::Places;
 use super::plan::host_of;
 use super::process::ProcessId;
-use super::state::Event;
 use crate::keys::Identity;
 use crate::processes::control_link::{ORPHAN_GRACE, patience};
 use crate::protocol::control::Bootstrap;
