@@ -262,7 +262,7 @@ impl Shell {
         match event {
             Event::Connected(id) => self.children.connected(*id),
             Event::Disconnected(id, _) => self.children.disconnected(*id),
-            Event::Exited(id, _) => self.children.bury(*id),
+            Event::Exited(id, _) => self.children.reap(*id),
             _ => {}
         }
     }
