@@ -8,12 +8,12 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 
 use super::control_port::Connections;
+use super::event::Event;
 use super::executables::Executables;
-use super::life::{self, Fate, Link, Log, Order};
+use super::lifecycle::{self, Link, Log, Monitor, Order};
 use super::places::Places;
 use super::plan::host_of;
 use super::process::ProcessId;
-use super::state::Event;
 use crate::keys::Identity;
 use crate::processes::control_link::{ORPHAN_GRACE, patience};
 use crate::protocol::control::Bootstrap;
@@ -43,10 +43,10 @@ pub(super) struct Children {
     pub(super) places: Places,
     pub(super) connections: Connections,
     pub(super) events: mpsc::Sender<Event>,
-    pub(super) alive: HashMap<ProcessId, Life>,
+    pub(super) alive: HashMap<ProcessId, Handle>,
 }
 
-pub(super) struct Life {
+pub(super) struct Handle {
     /// Dropping it kills, too.
     orders: Option<mpsc::Sender<Order>>,
     link: watch::Sender<Link>,
@@ -70,25 +70,27 @@ impl Children {
             log: None,
             heartbeat_milliseconds: u64::try_from(self.heartbeat.as_millis()).unwrap_or(u64::MAX),
         };
-        let (fate, life) = self.fate(id);
-        self.alive.insert(id, life);
+        let (monitor, handle) = self.monitor(id);
+        self.alive.insert(id, handle);
         let events = self.events.clone();
         if host.launch == Launch::External {
             // It has come by keys of its own.
             self.places.offer(id, &host.name, Bootstrap { identity: None, ..bootstrap });
             // An error means that the manager has ended, here and below.
-            tokio::spawn(async move { drop(events.send(Event::Exited(id, life::watch_joined(fate).await)).await) });
+            tokio::spawn(
+                async move { drop(events.send(Event::Exited(id, lifecycle::watch_joined(monitor).await)).await) },
+            );
             return;
         }
         let program = self.executables.path(id, host.programs.as_deref());
         let command = host.command(&program).unwrap_or_else(|| vec![program]);
         tokio::spawn(async move {
-            let how = match life::start(&command, !is_local, &bootstrap, &log).await {
+            let how = match lifecycle::start(&command, !is_local, &bootstrap, &log).await {
                 Ok(child) if is_local => {
-                    let mut fate = fate;
-                    life::watch(child, &mut fate, &log).await
+                    let mut monitor = monitor;
+                    lifecycle::watch(child, &mut monitor, &log).await
                 }
-                Ok(child) => life::watch_elsewhere(child, fate, &log).await,
+                Ok(child) => lifecycle::watch_elsewhere(child, monitor, &log).await,
                 Err(error) => format!("could not be started by {}: {error}", command.join(" ")),
             };
             let _ = events.send(Event::Exited(id, how)).await;
@@ -104,7 +106,7 @@ impl Children {
         }
     }
 
-    fn fate(&self, id: ProcessId) -> (Fate, Life) {
+    fn monitor(&self, id: ProcessId) -> (Monitor, Handle) {
         let (given, orders) = mpsc::channel(ORDERS_MAX);
         let (told, link) = watch::channel(Link::Awaited);
         let (connections, places) = (self.connections.clone(), self.places.clone());
@@ -113,7 +115,7 @@ impl Children {
             places.withdraw(id);
         });
         let patience = patience(self.heartbeat) + ORPHAN_GRACE + CONFIRM_MARGIN;
-        (Fate { orders, link, hang_up, patience }, Life { orders: Some(given), link: told })
+        (Monitor { orders, link, hang_up, patience }, Handle { orders: Some(given), link: told })
     }
 
     /// The process has dialled.
@@ -128,21 +130,21 @@ impl Children {
     }
 
     fn tell(&self, id: ProcessId, link: Link) {
-        if let Some(life) = self.alive.get(&id) {
-            life.link.send_replace(link);
+        if let Some(handle) = self.alive.get(&id) {
+            handle.link.send_replace(link);
         }
     }
 
     /// By SIGKILL or, on another machine, by cutting it off; its death is told as any other.
     pub(super) fn kill(&mut self, id: ProcessId) {
-        if let Some(life) = self.alive.get_mut(&id) {
-            life.orders = None;
+        if let Some(handle) = self.alive.get_mut(&id) {
+            handle.orders = None;
         }
     }
 
     /// [`Self::kill`] for a reason that the state does not know of, as the rest of a sentence that begins with its name.
     pub(super) fn kill_because(&mut self, id: ProcessId, why: String) {
-        if let Some(orders) = self.alive.get_mut(&id).and_then(|life| life.orders.take()) {
+        if let Some(orders) = self.alive.get_mut(&id).and_then(|handle| handle.orders.take()) {
             // An error means that it has just ended, or dies without the reason.
             let _ = orders.try_send(Order::Die(why));
         }
@@ -150,7 +152,7 @@ impl Children {
 
     /// Whether it was started and not killed; it may have ended by itself.
     pub(super) fn is_alive(&self, id: ProcessId) -> bool {
-        self.alive.get(&id).is_some_and(|life| life.orders.is_some())
+        self.alive.get(&id).is_some_and(|handle| handle.orders.is_some())
     }
 
     /// Whether the manager started it itself: signals reach it, and relays are within its reach.
@@ -163,13 +165,13 @@ impl Children {
     /// # Errors
     /// Why not: the process is not one of this host's, or has ended.
     pub(super) fn stop(&self, id: ProcessId, time: Duration) -> Result<(), String> {
-        let orders = self.alive.get(&id).and_then(|life| life.orders.as_ref());
+        let orders = self.alive.get(&id).and_then(|handle| handle.orders.as_ref());
         let orders = orders.filter(|_| self.is_local(id)).ok_or("it is no process of this host")?;
         orders.try_send(Order::Stop(time)).map_err(|_| "it has ended, or stops already".to_owned())
     }
 
     /// Its death is told.
-    pub(super) fn bury(&mut self, id: ProcessId) {
+    pub(super) fn reap(&mut self, id: ProcessId) {
         self.alive.remove(&id);
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::RunError;
-use super::ending::Cause;
+use super::cause::Cause;
 use super::state::State;
 use crate::database::Layout;
 use crate::ids::NodeId;
@@ -60,9 +60,9 @@ pub(super) fn local_bytes(topology: &Topology, layout: &Layout) -> Result<u64, R
 
 /// `recorded`: checks of the recording besides those of the books.
 pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed: Duration) -> Report {
-    let (ledger, queue, image) = (&state.ledger, &state.queue, &state.plan.view.image);
+    let (ledger, queue, image) = (&state.tiles.ledger, &state.tiles.queue, &state.supervision.plan.view.image);
     let total = ledger.total();
-    let line_bytes = state.plan.cluster.local_memory.line;
+    let line_bytes = state.supervision.plan.cluster.local_memory.line;
     let counted = counted(state);
     let conservation = conservation(state, &counted, line_bytes).map(|books| books.and(recorded));
     let imbalance = conservation.as_ref().and_then(Conservation::imbalance);
@@ -105,8 +105,8 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
                 .sum::<u64>()
                 + ledger.display.as_ref().map_or(0, |display| display.tiles_stale),
             resumed: u64::from(ledger.resumed),
-            verified: state.verification.verified(),
-            disagreements: state.verification.disagreements(),
+            verified: state.tiles.verification.verified(),
+            disagreements: state.tiles.verification.disagreements(),
         }),
         nodes: nodes(state, line_bytes),
         memory: (!counted.is_empty()).then(|| {
@@ -117,8 +117,8 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         bus: bus(state),
         conservation,
         verification: (!state.display.shares.is_empty())
-            .then(|| state.verification.report(&state.display.shares, state.plan.id)),
-        incidents: ledger.incidents(),
+            .then(|| state.tiles.verification.report(&state.display.shares, state.supervision.plan.id)),
+        incidents: state.supervision.incidents.all(),
         chaos: None,
         seconds: Seconds {
             load: facts.load.as_secs_f64(),
@@ -144,9 +144,9 @@ fn status(cause: Option<&Cause>, imbalance: Option<&str>) -> (Status, Option<Str
 
 /// `None` where no node came so far as to tell what it derived.
 fn kernel(state: &State) -> Option<Kernel> {
-    match state.plan.cluster.local_memory.size {
+    match state.supervision.plan.cluster.local_memory.size {
         MemorySize::All => {
-            state.ledger.packets.map(|Packets { simd, derived_bytes }| Kernel::Packets { simd, derived_bytes })
+            state.tiles.ledger.packets.map(|Packets { simd, derived_bytes }| Kernel::Packets { simd, derived_bytes })
         }
         _ => Some(Kernel::Single),
     }
@@ -154,13 +154,13 @@ fn kernel(state: &State) -> Option<Kernel> {
 
 /// What crossed the buses that lived to tell; `None` where none did.
 fn bus(state: &State) -> Option<Bus> {
-    let totals = state.ledger.books.values().filter_map(|book| book.bus);
+    let totals = state.tiles.ledger.books.values().filter_map(|book| book.bus);
     totals.map(Bus::from).reduce(Bus::and)
 }
 
 /// The nodes that counted accesses.
 fn counted(state: &State) -> Vec<NodeBook> {
-    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
     let book = (0..)
         .map(NodeId)
         .zip(accounts)
@@ -169,7 +169,7 @@ fn counted(state: &State) -> Vec<NodeBook> {
 }
 
 fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
-    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
     let node = (0..).zip(accounts).map(|(id, account)| Node {
         id,
         tiles: account.tiles,
@@ -180,12 +180,12 @@ fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
 
 /// Who owes whom; `None` when no bus and no master lived to close its books.
 pub(super) fn books(state: &State) -> Option<Conservation> {
-    conservation(state, &counted(state), state.plan.cluster.local_memory.line)
+    conservation(state, &counted(state), state.supervision.plan.cluster.local_memory.line)
 }
 
 /// `None` when no bus and no master lived to close its books.
 fn conservation(state: &State, nodes: &[NodeBook], line_bytes: u32) -> Option<Conservation> {
-    let (ledger, queue) = (&state.ledger, &state.queue);
+    let (ledger, queue) = (&state.tiles.ledger, &state.tiles.queue);
     let is_alone = ledger.books.len() == 1;
     let clusters = ledger.books.iter().map(|((cluster, epoch), book)| ClusterBook {
         name: if is_alone { String::new() } else { format!("{cluster} ({epoch}): ") },

@@ -9,9 +9,9 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
+use super::event::Event;
 use super::places::Places;
 use super::process::{Command, ProcessId, Report};
-use super::state::Event;
 use crate::ids::Epoch;
 use crate::protocol::connection::{Connection, ConnectionError, Credentials, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{self, BusCommand, DisplayCommand, MasterCommand, NodeCommand};

@@ -1,42 +1,28 @@
 //! The manager: prepares the scene, starts the other processes, watches them, gives out the tiles, and tells
 //! what came of it.
 //!
-//! `state` decides, `shell` moves messages and processes; `ending` is the way to the end.
+//! `state` decides, `shell` moves messages and processes.
 
-mod beginning;
+mod cause;
 mod children;
 mod closing;
-mod cluster;
 mod control_port;
-mod display_place;
 mod disturbance;
-mod ending;
+mod event;
 mod executables;
-mod job_queue;
-mod ledger;
-mod life;
+mod lifecycle;
 mod metrics;
 mod output_folder;
 mod places;
 mod plan;
 pub(in crate::processes) mod process;
-mod process_table;
 mod reach;
 mod recorded;
 pub(in crate::processes) mod rehearsal;
 mod sample;
 mod shell;
 pub(in crate::processes) mod state;
-mod verification;
 
-#[cfg(test)]
-mod display_place_tests;
-#[cfg(test)]
-mod state_tests;
-#[cfg(test)]
-mod verification_tests;
-
-use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -45,7 +31,8 @@ use std::time::Instant;
 
 use sha2::{Digest, Sha256};
 
-use self::ending::Cause;
+use self::cause::Cause;
+pub use self::cause::Interrupt;
 use self::executables::Executables;
 pub use self::executables::MissingExecutable;
 use self::output_folder::{Opening, OutputError, OutputFolder};
@@ -94,24 +81,6 @@ pub struct RunRequest {
     pub health: Option<SocketAddr>,
     /// No progress on standard error.
     pub quiet: bool,
-}
-
-/// What asked a run to end early.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Interrupt {
-    Sigint,
-    Sigterm,
-    Sighup,
-}
-
-impl fmt::Display for Interrupt {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Sigint => "SIGINT",
-            Self::Sigterm => "SIGTERM",
-            Self::Sighup => "SIGHUP",
-        })
-    }
 }
 
 /// How a run ended that began.

@@ -103,7 +103,7 @@ pub(super) struct Process {
     /// It has said that it goes, and why is nobody's fault.
     pub(super) leaving: bool,
     /// Why it was killed, as the rest of a sentence that begins with its name.
-    pub(super) doom: Option<String>,
+    pub(super) killed: Option<String>,
     /// Incidents that it reported.
     pub(super) incidents: u32,
 }
@@ -118,7 +118,7 @@ impl Process {
             hung_up: None,
             connect_deadline: None,
             leaving: false,
-            doom: None,
+            killed: None,
             incidents: 0,
         }
     }
@@ -128,6 +128,6 @@ impl Process {
     }
 
     pub(super) fn can_be_told(&self) -> bool {
-        self.stage >= Stage::Connected && self.hung_up.is_none() && self.doom.is_none()
+        self.stage >= Stage::Connected && self.hung_up.is_none() && self.killed.is_none()
     }
 }

@@ -42,11 +42,11 @@ pub(super) fn seal(
 /// # Errors
 /// A file of the recording cannot be read or written; the error names it.
 pub(super) fn close(seal: &Seal, state: &State, folder: &Path) -> io::Result<Vec<Check>> {
-    seal.put(folder, state.queue.missing(), |tile| state.queue.accepted(tile.tile) == Some(tile.attempt))?;
+    seal.put(folder, state.tiles.queue.missing(), |tile| state.tiles.queue.accepted(tile.tile) == Some(tile.attempt))?;
     let opened = open_references(folder).map_err(io::Error::other)?;
     let mut checks = vec![Check::new("faults of the recorded references = 0", opened.faults.len() as u64, 0)];
     let replayed = live::counts(&opened.recording).map_err(io::Error::other)?;
-    let accounts = state.ledger.nodes(state.plan.cluster.all_nodes());
+    let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
     let accounts = accounts.into_iter().map(|account| account.memory.unwrap_or_default());
     for ((node, live), replayed) in (0..).map(NodeId).zip(accounts).zip(&replayed) {
         checks.push(Check::new(

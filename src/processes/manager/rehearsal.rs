@@ -3,10 +3,11 @@
 
 use std::time::Duration;
 
+use super::cause::Cause;
 use super::closing;
-use super::ending::Cause;
+use super::event::{Action, Event};
 use super::sample;
-use super::state::{Action, Event, State};
+use super::state::State;
 use crate::ids::{Attempt, RunId, TileId};
 use crate::machine::specification::{Cluster, MemorySize};
 use crate::report::Incident;
@@ -73,41 +74,42 @@ impl Rehearsal {
 
     /// Tiles not done yet.
     pub(in crate::processes) fn missing(&self) -> u32 {
-        self.state.queue.missing()
+        self.state.tiles.queue.missing()
     }
 
     /// The attempt at a tile that is part of the image.
     pub(in crate::processes) fn accepted(&self, tile: TileId) -> Option<Attempt> {
-        self.state.queue.accepted(tile)
+        self.state.tiles.queue.accepted(tile)
     }
 
     /// How each tile stands that is not done.
     pub(in crate::processes) fn describe_missing(&self) -> Vec<String> {
-        let queue = &self.state.queue;
+        let queue = &self.state.tiles.queue;
         let missing = (0..queue.total()).map(TileId).filter(|tile| queue.accepted(*tile).is_none());
         let mut missing: Vec<_> = missing.map(|tile| queue.describe(tile)).collect();
-        missing
-            .extend(self.state.verification.awaited().map(|(tile, by)| format!("{tile} is to be compared, by {by:?}")));
+        missing.extend(
+            self.state.tiles.verification.awaited().map(|(tile, by)| format!("{tile} is to be compared, by {by:?}")),
+        );
         missing.push(format!("{:?}", self.state.clusters));
         missing
     }
 
     /// Attempts at tiles that were done or under way already.
     pub(in crate::processes) fn reissued(&self) -> u64 {
-        self.state.queue.reissued()
+        self.state.tiles.queue.reissued()
     }
 
     /// Tiles whose two results agreed, and those where they did not.
     pub(in crate::processes) fn compared(&self) -> (u64, u64) {
-        (self.state.verification.verified(), self.state.verification.disagreements())
+        (self.state.tiles.verification.verified(), self.state.tiles.verification.disagreements())
     }
 
     pub(in crate::processes) fn queues(&self) -> Queues {
         Queues {
-            out: self.state.queue.out(),
-            checks: self.state.queue.waiting_checks(),
+            out: self.state.tiles.queue.out(),
+            checks: self.state.tiles.queue.waiting_checks(),
             wanted: self.state.clusters.iter().map(|cluster| cluster.wanted).sum(),
-            processes: self.state.table.iter().count(),
+            processes: self.state.supervision.table.iter().count(),
         }
     }
 
@@ -122,7 +124,7 @@ impl Rehearsal {
     }
 
     pub(in crate::processes) fn incidents(&self) -> Vec<Incident> {
-        self.state.ledger.incidents()
+        self.state.supervision.incidents.all()
     }
 
     /// `None` when no server lived to close its books.

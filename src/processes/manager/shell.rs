@@ -13,19 +13,21 @@ use nix::errno::Errno;
 use nix::libc;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::sleep_until;
 
+use super::RunError;
+use super::cause::Interrupt;
 use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
+use super::event::{Action, Event};
 use super::executables::Executables;
 use super::metrics;
 use super::output_folder::OutputFolder;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::reach;
-use super::state::{Action, Event, State};
-use super::{Interrupt, RunError};
+use super::state::State;
 use crate::chaos::{self, Fault};
 use crate::ids::ClusterId;
 use crate::keys::Identity;
@@ -37,8 +39,6 @@ use crate::protocol::hello::Role;
 use crate::report::Chaos;
 use crate::telemetry;
 
-/// How often deadlines are looked at.
-const TICK: Duration = Duration::from_millis(50);
 /// Reports that were not looked at yet; processes wait then.
 const EVENTS_MAX: usize = 1024;
 
@@ -61,13 +61,17 @@ pub(super) struct Run {
 }
 
 fn status(state: &State) -> Status {
-    let (tiles, missing) = (state.queue.total(), state.queue.missing());
-    let end = if missing == 0 { state.ledger.last_tile.unwrap_or(state.now) } else { state.now };
+    let (tiles, missing) = (state.tiles.queue.total(), state.tiles.queue.missing());
+    let end = if missing == 0 {
+        state.tiles.ledger.last_tile.unwrap_or(state.supervision.now)
+    } else {
+        state.supervision.now
+    };
     Status {
         tiles_done: tiles - missing,
         tiles,
-        rays: state.ledger.rays(),
-        elapsed: state.ledger.first_tile.map(|first| end.saturating_sub(first)),
+        rays: state.tiles.ledger.rays(),
+        elapsed: state.tiles.ledger.first_tile.map(|first| end.saturating_sub(first)),
     }
 }
 
@@ -116,20 +120,19 @@ impl Run {
         let (mut state, actions) = State::start(plan);
         for warning in &self.warnings {
             reach::warn(warning);
-            state.ledger.incident(Duration::ZERO, warning.clone());
+            state.supervision.incident(warning);
         }
-        let mut progress = Progress::new(self.quiet, state.queue.total());
+        let mut progress = Progress::new(self.quiet, state.tiles.queue.total());
         shell.act(actions);
-        let mut tick = interval(TICK);
-        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        while state.over().is_none() {
+        while let Some(deadline) = state.next_deadline() {
+            let deadline = tokio::time::Instant::from_std(shell.start + deadline);
             let event = tokio::select! {
                 Some(()) = arrived(&mut interrupt) => Event::Signal(Interrupt::Sigint),
                 Some(()) = arrived(&mut terminate) => Event::Signal(Interrupt::Sigterm),
                 Some(()) = hung_up(&mut hang_up) => Event::Signal(Interrupt::Sighup),
                 Some(event) = events.recv() => event,
                 event = shell.port.arrival() => event,
-                _ = tick.tick() => {
+                () = sleep_until(deadline) => {
                     progress.show(&status(&state));
                     if let Some(health) = &health {
                         health.send_replace(metrics::health(&state));
@@ -156,10 +159,10 @@ impl Run {
         shell.port.places().close().await;
         progress.finish(&status(&state));
         let chaos = shell.disturbance.close().map(|(chaos, missed)| {
-            missed.into_iter().for_each(|text| state.ledger.incident(state.now, format!("chaos: {text}")));
+            missed.into_iter().for_each(|text| state.supervision.incident(format!("chaos: {text}")));
             chaos
         });
-        telemetry::lost().into_iter().for_each(|lost| state.ledger.incident(state.now, lost));
+        telemetry::lost().into_iter().for_each(|lost| state.supervision.incident(lost));
         Ok((state, chaos))
     }
 }
@@ -259,7 +262,7 @@ impl Shell {
         match event {
             Event::Connected(id) => self.children.connected(*id),
             Event::Disconnected(id, _) => self.children.disconnected(*id),
-            Event::Exited(id, _) => self.children.bury(*id),
+            Event::Exited(id, _) => self.children.reap(*id),
             _ => {}
         }
     }
@@ -268,8 +271,8 @@ impl Shell {
     fn disturb(&mut self, state: &mut State) {
         let Status { tiles_done, tiles, elapsed, .. } = status(state);
         let progress = chaos::Progress { tiles_done, tiles, elapsed };
-        for text in self.disturbance.carry_out(state.now, progress, &mut self.children, &self.port) {
-            state.ledger.incident(state.now, format!("chaos: {text}"));
+        for text in self.disturbance.carry_out(state.supervision.now, progress, &mut self.children, &self.port) {
+            state.supervision.incident(format!("chaos: {text}"));
         }
     }
 

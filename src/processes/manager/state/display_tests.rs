@@ -1,9 +1,9 @@
 //! The display's place, played by hand: displays that die, journals and frames that lack tiles.
 
-use super::ending::Cause;
-use super::process::{Command, ProcessId, Report};
-use super::state::{Action, Event};
-use super::state_tests::{BUS, DISPLAY, MASTER, Stage, address, finish_display, granted, holdings, node};
+use super::super::cause::Cause;
+use super::super::event::{Action, Event};
+use super::super::process::{Command, ProcessId, Report};
+use super::tests::{BUS, DISPLAY, MASTER, Stage, address, finish_display, granted, holdings, node};
 use crate::ids::Epoch;
 use crate::machine::totals::{BusTotals, MasterTotals};
 use crate::protocol::control::{BusReport, DisplayCommand, DisplayReport, MasterReport, NodeCommand};
@@ -23,7 +23,7 @@ fn a_display_that_dies_is_replaced_and_the_nodes_are_told() {
     let told = |report| Event::Report(next, Report::Display(report));
     // It has tile 1 alone: tile 0 is done again.
     stage.happens(told(DisplayReport::Restored(holdings([false, true]))));
-    assert_eq!((stage.state.queue.missing(), stage.state.ledger.total().tiles), (3, 1));
+    assert_eq!((stage.state.tiles.queue.missing(), stage.state.tiles.ledger.total().tiles), (3, 1));
     let actions = stage.happens(told(DisplayReport::Listening(address(9))));
     let expected = Action::Tell(node(0, 0), Command::Node(NodeCommand::Display(address(9))));
     assert!(actions.contains(&expected), "{actions:?}");
@@ -68,7 +68,7 @@ fn a_journal_that_loses_a_tile_after_the_last_one_is_a_failure() {
     stage.happens(Event::Report(next, Report::Display(DisplayReport::Restored(holdings([true, false])))));
     stage.all_exit(&[node(0, 0), BUS, MASTER, next]);
     assert_eq!(stage.state.over(), Some(&Cause::Failed("the journal lacks 1 tiles that were done".to_owned())));
-    assert_eq!(stage.state.queue.missing(), 1);
+    assert_eq!(stage.state.tiles.queue.missing(), 1);
 }
 
 #[test]

@@ -3,12 +3,12 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::Interrupt;
-use super::ending::Cause;
-use super::plan::Plan;
-use super::process::{Command, ProcessId, Report};
-use super::sample;
-use super::state::{Action, Event, State};
+use super::super::cause::{Cause, Interrupt};
+use super::super::event::{Action, Event};
+use super::super::plan::Plan;
+use super::super::process::{Command, ProcessId, Report};
+use super::super::sample;
+use super::State;
 use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
 use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};
 use crate::protocol::control::{
@@ -154,7 +154,7 @@ impl Stage {
     }
 
     pub(super) fn incidents(&self) -> Vec<String> {
-        self.state.ledger.incidents().into_iter().map(|incident| incident.text).collect()
+        self.state.supervision.incidents.all().into_iter().map(|incident| incident.text).collect()
     }
 }
 
@@ -231,7 +231,7 @@ fn a_whole_run_ends_in_order() {
     }
     assert_eq!(stage.state.over(), Some(&Cause::Complete));
     assert!(stage.incidents().is_empty(), "{:?}", stage.incidents());
-    assert_eq!(stage.state.ledger.total().render_cpu_nanoseconds, 10);
+    assert_eq!(stage.state.tiles.ledger.total().render_cpu_nanoseconds, 10);
 }
 
 #[test]
@@ -247,8 +247,8 @@ fn a_dead_nodes_tiles_are_issued_again_and_its_place_is_taken() {
     let grant = |tile| TileGrant { tile: TileId(tile), attempt: Attempt(1), node: None, except: Vec::new() };
     let tiles = to_master(MasterCommand::Tiles(vec![grant(3), grant(2)]));
     assert_eq!(stage.master(MasterReport::TilesWanted(2)), [tiles]);
-    let lost = stage.state.ledger.books.values().map(|book| book.lost.len()).sum::<usize>();
-    assert_eq!((stage.state.queue.reissued(), lost), (2, 2));
+    let lost = stage.state.tiles.ledger.books.values().map(|book| book.lost.len()).sum::<usize>();
+    assert_eq!((stage.state.tiles.queue.reissued(), lost), (2, 2));
 
     // The successor is configured at once, for the run goes on.
     let actions = stage.happens(Event::Connected(node(1, 1)));
@@ -350,7 +350,7 @@ fn what_a_dead_cluster_still_says_does_not_count() {
     let mut stage = Stage::running(1, 2);
     stage.exits(BUS);
     stage.done(0, 0, 0);
-    assert_eq!(stage.state.queue.missing(), 2);
+    assert_eq!(stage.state.tiles.queue.missing(), 2);
 }
 
 #[test]
@@ -387,7 +387,7 @@ fn a_resumed_run_does_what_the_journal_lacks() {
     let finish_node = Action::Tell(node(0, 0), Command::Node(NodeCommand::Finish));
     assert_eq!(stage.done(0, 2, 0), [stage.question()]);
     assert!(stage.holds([true; 4]).contains(&finish_node));
-    assert_eq!(stage.state.ledger.resumed, 2);
+    assert_eq!(stage.state.tiles.ledger.resumed, 2);
 }
 
 #[test]

@@ -43,8 +43,8 @@ pub(super) enum Order {
     Die(String),
 }
 
-/// What a life ends by, and how long its end may take.
-pub(super) struct Fate {
+/// What ends the watch over a process, and how long its end may take.
+pub(super) struct Monitor {
     /// Its end kills.
     pub(super) orders: mpsc::Receiver<Order>,
     pub(super) link: watch::Receiver<Link>,
@@ -54,7 +54,7 @@ pub(super) struct Fate {
     pub(super) patience: Duration,
 }
 
-impl Fate {
+impl Monitor {
     /// A process that ended its control connection, or was cut off for long enough, is dead; one that never had one
     /// gets none any more.
     async fn confirm(&mut self) {
@@ -172,7 +172,7 @@ impl Drop for Started {
 }
 
 /// Until a child has ended; how, as the rest of a sentence that begins with the process's name.
-pub(super) async fn watch(mut child: Started, fate: &mut Fate, log: &Log) -> String {
+pub(super) async fn watch(mut child: Started, monitor: &mut Monitor, log: &Log) -> String {
     let told = |status: io::Result<ExitStatus>| {
         status.map_or_else(|error| error.to_string(), |status| describe(status, &log.path()))
     };
@@ -180,7 +180,7 @@ pub(super) async fn watch(mut child: Started, fate: &mut Fate, log: &Log) -> Str
     let reason = loop {
         tokio::select! {
             status = child.ended() => return told(status),
-            order = fate.orders.recv() => match order {
+            order = monitor.orders.recv() => match order {
                 Some(Order::Stop(time)) => {
                     child.signal(Signal::SIGSTOP);
                     goes_on = goes_on.max(Some(Instant::now() + time));
@@ -201,25 +201,25 @@ pub(super) async fn watch(mut child: Started, fate: &mut Fate, log: &Log) -> Str
 
 /// [`watch()`] of a launcher, and of the process that it started elsewhere: that one ends by itself when its control
 /// connection does.
-pub(super) async fn watch_elsewhere(child: Started, mut fate: Fate, log: &Log) -> String {
-    let how = watch(child, &mut fate, log).await;
-    fate.confirm().await;
+pub(super) async fn watch_elsewhere(child: Started, mut monitor: Monitor, log: &Log) -> String {
+    let how = watch(child, &mut monitor, log).await;
+    monitor.confirm().await;
     how
 }
 
 /// Until a process that came by itself, or was awaited to, is gone.
-pub(super) async fn watch_joined(mut fate: Fate) -> String {
+pub(super) async fn watch_joined(mut monitor: Monitor) -> String {
     let why = loop {
         tokio::select! {
-            _ = fate.link.wait_for(|&link| link == Link::Closed) => break "closed its control connection".to_owned(),
-            order = fate.orders.recv() => match order {
+            _ = monitor.link.wait_for(|&link| link == Link::Closed) => break "closed its control connection".to_owned(),
+            order = monitor.orders.recv() => match order {
                 Some(Order::Stop(_)) => {}
                 Some(Order::Die(reason)) => break reason,
                 None => break "was cut off".to_owned(),
             },
         }
     };
-    fate.confirm().await;
+    monitor.confirm().await;
     why
 }
 
@@ -246,29 +246,29 @@ mod tests {
     use crate::ids::{Epoch, NodeId};
     use crate::protocol::hello::{Role, RunToken};
 
-    fn fate(now: Link) -> (Fate, mpsc::Sender<Order>, watch::Sender<Link>, Arc<AtomicBool>) {
+    fn monitor(now: Link) -> (Monitor, mpsc::Sender<Order>, watch::Sender<Link>, Arc<AtomicBool>) {
         let (kill, orders) = mpsc::channel(1);
         let (told, link) = watch::channel(now);
         let hung_up = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&hung_up);
         let hang_up = Box::new(move || flag.store(true, Ordering::Relaxed));
-        (Fate { orders, link, hang_up, patience: Duration::from_millis(200) }, kill, told, hung_up)
+        (Monitor { orders, link, hang_up, patience: Duration::from_millis(200) }, kill, told, hung_up)
     }
 
     #[tokio::test]
     async fn a_process_that_joined_is_dead_when_it_is_gone_or_long_cut_off() {
-        let (one, _kill, told, _) = fate(Link::Open);
+        let (one, _kill, told, _) = monitor(Link::Open);
         let life = tokio::spawn(watch_joined(one));
         told.send_replace(Link::Closed);
         assert_eq!(life.await.expect("no panic"), "closed its control connection");
 
-        let (one, kill, _told, hung_up) = fate(Link::Open);
+        let (one, kill, _told, hung_up) = monitor(Link::Open);
         let begin = Instant::now();
         kill.try_send(Order::Die("was a nuisance".to_owned())).expect("awaited");
         assert_eq!(watch_joined(one).await, "was a nuisance");
         assert!(begin.elapsed() >= Duration::from_millis(200) && hung_up.load(Ordering::Relaxed));
 
-        let (one, kill, _told, hung_up) = fate(Link::Awaited);
+        let (one, kill, _told, hung_up) = monitor(Link::Awaited);
         drop(kill);
         let begin = Instant::now();
         assert_eq!(watch_joined(one).await, "was cut off");
@@ -324,7 +324,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let log = log(folder.path());
         let child = started(&["sh", "-c", &format!("{PRINTS_ITS_CHILD} wait")], &log).await;
-        let (mut one, kill, _told, _) = fate(Link::Awaited);
+        let (mut one, kill, _told, _) = monitor(Link::Awaited);
         printed(&log).await;
         kill.try_send(Order::Die("was in the way".to_owned())).expect("awaited");
         assert_eq!(watch(child, &mut one, &log).await, "was in the way");
@@ -336,7 +336,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let log = log(folder.path());
         let child = started(&["sh", "-c", &format!("{PRINTS_ITS_CHILD} exit 0")], &log).await;
-        let (mut one, _kill, _told, _) = fate(Link::Awaited);
+        let (mut one, _kill, _told, _) = monitor(Link::Awaited);
         assert_eq!(watch(child, &mut one, &log).await, "ended by itself");
         assert!(has_ended(&log).await);
 
@@ -349,7 +349,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_process_elsewhere_outlives_its_launcher_until_its_connection_ends() {
-        let (one, _kill, told, hung_up) = fate(Link::Open);
+        let (one, _kill, told, hung_up) = monitor(Link::Open);
         let folder = tempfile::tempdir().expect("a folder");
         let log = log(folder.path());
         let child = started(&["true"], &log).await;

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::process::Command;
-use super::sample;
-use super::state::{Action, Event};
-use super::state_tests::{DISPLAY, Stage, granted, holdings, node, to_master};
-use super::{Interrupt, ending::Cause};
+use super::super::cause::{Cause, Interrupt};
+use super::super::event::{Action, Event};
+use super::super::process::Command;
+use super::super::sample;
+use super::tests::{DISPLAY, Stage, granted, holdings, node, to_master};
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::protocol::control::{
     Comparison, DisplayCommand, DisplayReport, Holdings, MasterCommand, MasterReport, NodeCommand, Share, TileResult,
@@ -50,17 +50,17 @@ fn a_corrupt_node_is_found_and_its_tiles_are_done_again() {
     assert!(actions.contains(&to_master(MasterCommand::NodeSetAside { node: NodeId(0) })));
     assert!(actions.contains(&condemn(by(0))), "{actions:?}");
     assert_eq!(tiles_and_attempts(&actions), [(0, 3), (1, 1)]);
-    assert_eq!(stage.state.queue.missing(), 5);
+    assert_eq!(stage.state.tiles.queue.missing(), 5);
     // What it reports before it is dead does not count.
     stage.done(0, 3, 0);
-    assert_eq!(stage.state.queue.missing(), 5);
+    assert_eq!(stage.state.tiles.queue.missing(), 5);
     assert!(stage.incidents().iter().any(|text| text.starts_with("node 0 (epoch 0) is condemned: other nodes agree")));
 
     // A display that died had kept its pixels of tile 2 and compared node 1's with them, which was not reported.
     stage.display(DisplayReport::Condemned(by(1), [false, false, true].into_iter().collect()));
-    assert_eq!(stage.state.queue.missing(), 5, "nothing is wrong with node 1");
+    assert_eq!(stage.state.tiles.queue.missing(), 5, "nothing is wrong with node 1");
     let actions = stage.display(DisplayReport::Condemned(by(0), [true, true, true].into_iter().collect()));
-    assert_eq!(stage.state.queue.missing(), 6);
+    assert_eq!(stage.state.tiles.queue.missing(), 6);
     assert_eq!(tiles_and_attempts(&actions), [(2, 2)]);
 }
 
@@ -96,7 +96,11 @@ fn a_process_that_forges_is_condemned_without_a_comparison() {
         let incidents = stage.incidents();
         assert!(incidents[0].starts_with("node 0 (epoch 0) is condemned: it "), "{incidents:?}");
         assert_eq!(incidents[1], "node 0 is set aside: it is condemned");
-        assert_eq!((stage.state.ledger.total().tiles, stage.state.ledger.rays()), (0, 0), "its counts do not count");
+        assert_eq!(
+            (stage.state.tiles.ledger.total().tiles, stage.state.tiles.ledger.rays()),
+            (0, 0),
+            "its counts do not count"
+        );
         // Once is enough.
         let again = forge(&mut stage);
         assert!(!again.contains(&condemn(by(0))), "{again:?}");
@@ -125,7 +129,7 @@ fn tiles_of_an_earlier_run_are_verified_by_their_processes() {
     let taken_out: TileSet = [true, false, false, true].into_iter().collect();
     let actions = stage.display(DisplayReport::Condemned(earlier, taken_out));
     assert_eq!(granted(&actions).iter().map(|grant| grant.tile.0).collect::<Vec<_>>(), [0, 3]);
-    assert_eq!(stage.state.ledger.resumed, 0);
+    assert_eq!(stage.state.tiles.ledger.resumed, 0);
     let incidents = stage.incidents();
     assert!(
         incidents.iter().any(|text| text.starts_with("node 0 (epoch 0) of an earlier run is condemned")),
@@ -148,7 +152,7 @@ fn a_condemnation_reaches_the_journal_of_a_run_that_is_interrupted() {
     // The comparison that settles it was on its way.
     let actions = stage.display(compared(0, (by(0), 6), (by(2), 7)));
     assert!(actions.contains(&condemn(by(0))), "{actions:?}");
-    assert_eq!(stage.state.queue.missing(), 6);
+    assert_eq!(stage.state.tiles.queue.missing(), 6);
     stage.display(DisplayReport::Condemned(by(0), [true, true].into_iter().collect()));
     let actions = stage.holds([false; 6]);
     assert_eq!(actions, [Action::Tell(DISPLAY, Command::Display(DisplayCommand::Finish))]);

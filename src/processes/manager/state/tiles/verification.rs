@@ -18,7 +18,7 @@ use crate::report::verification as report;
 const COMPARISON_DEADLINE: Duration = Duration::from_millis(500);
 
 #[derive(Debug)]
-pub(super) struct Verification {
+pub(crate) struct Verification {
     /// Of the tiles, 0 to 1.
     share: f64,
     seed: u64,
@@ -50,7 +50,7 @@ struct Case {
 
 /// What follows from a comparison.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum Verdict {
+pub(crate) enum Verdict {
     /// Nothing.
     Agreed,
     /// The tile is to be rendered once more, by none of these nodes: so far one node alone has rendered it.
@@ -62,7 +62,7 @@ pub(super) enum Verdict {
 }
 
 impl Verification {
-    pub(super) fn new(share: f64, seed: u64) -> Self {
+    pub(crate) fn new(share: f64, seed: u64) -> Self {
         Self {
             share,
             seed,
@@ -77,17 +77,17 @@ impl Verification {
     }
 
     /// Tiles of the image that two nodes or more rendered with the same bytes.
-    pub(super) fn verified(&self) -> u64 {
+    pub(crate) fn verified(&self) -> u64 {
         self.agreed.len() as u64
     }
 
-    pub(super) fn disagreements(&self) -> u64 {
+    pub(crate) fn disagreements(&self) -> u64 {
         self.disagreements
     }
 
     /// Tiles of earlier runs are in the image: those that are to be verified, and the nodes that are not to do it. Of
     /// each process that rendered some of them the latest is, and of all of them the share.
-    pub(super) fn resume(&mut self, holdings: &Holdings, tiles: u32) -> Vec<(TileId, Vec<NodeId>)> {
+    pub(crate) fn resume(&mut self, holdings: &Holdings, tiles: u32) -> Vec<(TileId, Vec<NodeId>)> {
         if self.share == 0.0 {
             return Vec::new();
         }
@@ -104,7 +104,7 @@ impl Verification {
     }
 
     /// A tile is done. `true`: it is to be verified.
-    pub(super) fn accept(&mut self, tile: TileId, by: Producer) -> bool {
+    pub(crate) fn accept(&mut self, tile: TileId, by: Producer) -> bool {
         if self.share == 0.0 {
             return false;
         }
@@ -118,7 +118,7 @@ impl Verification {
 
     /// The latest tile of each process in the image that is not verified yet, and its node: they are to be, before the run
     /// ends. `shares` is what the frame has of each.
-    pub(super) fn latest(&mut self, shares: &[Share]) -> Vec<(TileId, NodeId)> {
+    pub(crate) fn latest(&mut self, shares: &[Share]) -> Vec<(TileId, NodeId)> {
         if self.share == 0.0 {
             return Vec::new();
         }
@@ -132,12 +132,12 @@ impl Verification {
     }
 
     /// Whether everything that was to be compared has been.
-    pub(super) fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         self.open.is_empty()
     }
 
     /// Whether comparisons are awaited that no tile on its way will bring; `quiet`: no tile is out.
-    pub(super) fn is_overdue(&mut self, now: Duration, quiet: bool) -> bool {
+    pub(crate) fn is_overdue(&mut self, now: Duration, quiet: bool) -> bool {
         if !quiet || self.is_idle() {
             self.quiet_since = None;
             return false;
@@ -147,18 +147,18 @@ impl Verification {
     }
 
     /// Tiles that await a comparison, and the nodes that have rendered each.
-    pub(super) fn awaited(&self) -> impl Iterator<Item = (TileId, Vec<NodeId>)> {
+    pub(crate) fn awaited(&self) -> impl Iterator<Item = (TileId, Vec<NodeId>)> {
         self.open.iter().map(|(&tile, case)| (tile, case.nodes()))
     }
 
     /// No node is left that could render the tile again. `true`: it was in dispute, and cannot be settled.
-    pub(super) fn give_up(&mut self, tile: TileId) -> bool {
+    pub(crate) fn give_up(&mut self, tile: TileId) -> bool {
         self.given_up.insert(tile);
         self.open.remove(&tile).is_some_and(|case| case.is_disputed())
     }
 
     /// The display has compared two results of a tile.
-    pub(super) fn judge(&mut self, comparison: &Comparison) -> Verdict {
+    pub(crate) fn judge(&mut self, comparison: &Comparison) -> Verdict {
         let Comparison { tile, kept, other } = comparison;
         if self.is_condemned(kept.producer) || self.is_condemned(other.producer) {
             // One of them counts for nothing: a comparison that is awaited is still to come.
@@ -192,7 +192,7 @@ impl Verification {
 
     /// The process is wrong, and vouches for nothing. Tiles of others that only it agreed about, and their nodes; `None`: it
     /// is known to be wrong.
-    pub(super) fn condemn(&mut self, wrong: Producer) -> Option<Vec<(TileId, NodeId)>> {
+    pub(crate) fn condemn(&mut self, wrong: Producer) -> Option<Vec<(TileId, NodeId)>> {
         if !self.condemned.insert(wrong) {
             return None;
         }
@@ -212,14 +212,14 @@ impl Verification {
     }
 
     /// The tile is to be done again: what was compared does not count.
-    pub(super) fn forget(&mut self, tile: TileId) {
+    pub(crate) fn forget(&mut self, tile: TileId) {
         self.open.remove(&tile);
         self.agreed.remove(&tile);
         self.given_up.remove(&tile);
     }
 
     /// Which tiles in the frame are vouched for, by process; `shares` is what the frame has of each.
-    pub(super) fn report(&self, shares: &[Share], this: RunId) -> report::Verification {
+    pub(crate) fn report(&self, shares: &[Share], this: RunId) -> report::Verification {
         let process = |share: &Share| (share.producer, report::Process::new(share.producer, this, share.tiles));
         let mut processes: BTreeMap<_, _> = shares.iter().map(process).collect();
         let mut by = BTreeMap::<Producer, BTreeSet<NodeId>>::new();
@@ -245,11 +245,11 @@ impl Verification {
     }
 
     /// What it still sends is wrong.
-    pub(super) fn is_condemned(&self, process: Producer) -> bool {
+    pub(crate) fn is_condemned(&self, process: Producer) -> bool {
         self.condemned.contains(&process)
     }
 
-    pub(super) fn condemned(&self) -> impl Iterator<Item = Producer> {
+    pub(crate) fn condemned(&self) -> impl Iterator<Item = Producer> {
         self.condemned.iter().copied()
     }
 

@@ -1,4 +1,4 @@
-//! What the manager was told: counts of tiles, lost attempts, totals, incidents.
+//! What the manager was told: counts of tiles, lost attempts, totals.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,54 +8,48 @@ use crate::machine::stats::{Counters, MemoryStats};
 use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};
 use crate::protocol::control::{DisplayTotals, Packets};
 use crate::protocol::work::TileDone;
-use crate::report::Incident;
 use crate::tracer::TraceStats;
 
-/// More incidents are counted, not kept: a peer that knocks all the time must not fill the memory.
-const INCIDENTS_MAX: usize = 1000;
-
 #[derive(Debug, Default)]
-pub(super) struct Ledger {
+pub(crate) struct Ledger {
     /// What each process of a node counted in its accepted tiles; those that were wrong are taken out.
     accounts: BTreeMap<Producer, Account>,
     /// Of each cluster, from its start to its death or the end of the run.
-    pub(super) books: BTreeMap<(ClusterId, Epoch), Book>,
+    pub(crate) books: BTreeMap<(ClusterId, Epoch), Book>,
     /// What nodes trace with that hold the whole database, each the same.
-    pub(super) packets: Option<Packets>,
-    pub(super) display: Option<DisplayTotals>,
+    pub(crate) packets: Option<Packets>,
+    pub(crate) display: Option<DisplayTotals>,
     /// Tiles of an earlier run.
-    pub(super) resumed: u32,
+    pub(crate) resumed: u32,
     /// When the first tile was handed out, and when the last one was done.
-    pub(super) first_tile: Option<Duration>,
-    pub(super) last_tile: Option<Duration>,
+    pub(crate) first_tile: Option<Duration>,
+    pub(crate) last_tile: Option<Duration>,
     /// Of all accounts.
     rays: u64,
-    incidents: Vec<Incident>,
-    incidents_dropped: u64,
 }
 
 /// What a node counted in its accepted tiles.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Account {
-    pub(super) tiles: u64,
-    pub(super) trace: TraceStats,
+pub(crate) struct Account {
+    pub(crate) tiles: u64,
+    pub(crate) trace: TraceStats,
     /// `None` until a tile brings counts: a node that holds all of the database has none.
-    pub(super) memory: Option<MemoryStats>,
-    pub(super) render_cpu_nanoseconds: u64,
+    pub(crate) memory: Option<MemoryStats>,
+    pub(crate) render_cpu_nanoseconds: u64,
 }
 
 /// What went on in a cluster, as far as its master told, and the totals of those who lived to close their books.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Book {
+pub(crate) struct Book {
     /// Attempts told done, whether the image needed them or not.
-    pub(super) told_done: u64,
+    pub(crate) told_done: u64,
     /// What they missed.
-    pub(super) missed: Counters,
-    pub(super) lost: Vec<LostAttempt>,
+    pub(crate) missed: Counters,
+    pub(crate) lost: Vec<LostAttempt>,
     /// Attempts that a condemned process reported done: its counts are not used.
-    pub(super) disowned: Vec<LostAttempt>,
-    pub(super) bus: Option<BusTotals>,
-    pub(super) master: Option<MasterTotals>,
+    pub(crate) disowned: Vec<LostAttempt>,
+    pub(crate) bus: Option<BusTotals>,
+    pub(crate) master: Option<MasterTotals>,
 }
 
 impl Account {
@@ -80,15 +74,19 @@ impl Account {
 
 impl Ledger {
     /// Books a tile that became part of the image.
-    pub(super) fn accept(&mut self, now: Duration, by: Producer, done: &TileDone) {
+    pub(crate) fn accept(&mut self, now: Duration, by: Producer, done: &TileDone) {
         self.last_tile = Some(now);
         self.rays = self.rays.saturating_add(done.trace.all_rays());
         self.accounts.entry(by).or_default().add(&Account::of(done));
     }
 
+    pub(crate) fn book(&mut self, cluster: (ClusterId, Epoch)) -> &mut Book {
+        self.books.entry(cluster).or_default()
+    }
+
     /// Books what a master told done, whether it became part of the image or not.
-    pub(super) fn told_done(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
-        let book = self.books.entry(cluster).or_default();
+    pub(crate) fn told_done(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
+        let book = self.book(cluster);
         book.told_done += 1;
         if let Some(memory) = &done.memory {
             book.missed.add(&memory.total());
@@ -96,29 +94,25 @@ impl Ledger {
     }
 
     /// Books a tile that a condemned process reported done: its fetches count as those of a lost attempt.
-    pub(super) fn disown(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
-        let book = self.books.entry(cluster).or_default();
+    pub(crate) fn disown(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
+        let book = self.book(cluster);
         book.told_done += 1;
         book.disowned.push(LostAttempt { tile: done.tile, attempt: done.attempt });
     }
 
     /// Takes out of the books what a process counted: all of it is done again.
-    pub(super) fn forget(&mut self, process: Producer) {
+    pub(crate) fn forget(&mut self, process: Producer) {
         let forgotten = self.accounts.remove(&process);
         self.rays = self.rays.saturating_sub(forgotten.map_or(0, |account| account.trace.all_rays()));
     }
 
     /// Rays of all kinds in accepted tiles.
-    pub(super) fn rays(&self) -> u64 {
+    pub(crate) fn rays(&self) -> u64 {
         self.rays
     }
 
-    pub(super) fn incident_count(&self) -> u64 {
-        self.incidents.len() as u64 + self.incidents_dropped
-    }
-
     /// A tile is done again that is counted there, or as an earlier run's; what it took stays counted.
-    pub(super) fn take_back(&mut self, tile_of: Option<Producer>) {
+    pub(crate) fn take_back(&mut self, tile_of: Option<Producer>) {
         match tile_of {
             None => self.resumed = self.resumed.saturating_sub(1),
             Some(process) => {
@@ -130,7 +124,7 @@ impl Ledger {
     }
 
     /// What each of so many nodes counted, by its processes together.
-    pub(super) fn nodes(&self, nodes: u16) -> Vec<Account> {
+    pub(crate) fn nodes(&self, nodes: u16) -> Vec<Account> {
         let mut all = vec![Account::default(); usize::from(nodes)];
         for (by, account) in &self.accounts {
             if let Some(all) = all.get_mut(usize::from(by.node.0)) {
@@ -141,35 +135,10 @@ impl Ledger {
     }
 
     /// What all nodes counted.
-    pub(super) fn total(&self) -> Account {
+    pub(crate) fn total(&self) -> Account {
         let mut total = Account::default();
         self.accounts.values().for_each(|account| total.add(account));
         total
-    }
-
-    pub(super) fn incident(&mut self, now: Duration, text: impl AsRef<str>) {
-        if self.incidents.len() < INCIDENTS_MAX {
-            let incident = Incident::new(now, text.as_ref());
-            tracing::warn!("{}", incident.text);
-            self.incidents.push(incident);
-        } else {
-            self.drop_incident();
-        }
-    }
-
-    /// Counts an incident that is not kept.
-    pub(super) fn drop_incident(&mut self) {
-        self.incidents_dropped += 1;
-    }
-
-    /// All of them, the last one saying how many more there were.
-    pub(super) fn incidents(&self) -> Vec<Incident> {
-        let mut incidents = self.incidents.clone();
-        if let (Some(last), 1..) = (incidents.last(), self.incidents_dropped) {
-            let text = format!("{} more incidents, counted only", self.incidents_dropped);
-            incidents.push(Incident { seconds: last.seconds, text });
-        }
-        incidents
     }
 }
 
@@ -197,14 +166,5 @@ mod tests {
         ledger.take_back(Some(by(2)));
         let total = ledger.total();
         assert_eq!((total.tiles, total.render_cpu_nanoseconds, ledger.resumed), (1, 10, 0));
-    }
-
-    #[test]
-    fn incidents_are_bounded() {
-        let mut ledger = Ledger::default();
-        (0..1500).for_each(|i| ledger.incident(Duration::from_secs(i), format!("{i}")));
-        let incidents = ledger.incidents();
-        assert_eq!(incidents.len(), INCIDENTS_MAX + 1);
-        assert_eq!(incidents[INCIDENTS_MAX].text, "500 more incidents, counted only");
     }
 }

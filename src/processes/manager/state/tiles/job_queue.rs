@@ -22,7 +22,7 @@ const STRAGGLE_FACTOR: u32 = 3;
 
 /// Tiles in order, in one lane from which all nodes are served, or in one lane a node.
 #[derive(Debug)]
-pub(super) struct JobQueue {
+pub(crate) struct JobQueue {
     clusters: Cluster,
     lanes: Vec<Lane>,
     tiles: Vec<Tile>,
@@ -86,7 +86,7 @@ enum Kind {
 
 /// What a completion means.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Completion {
+pub(crate) enum Completion {
     /// The tile is done by it.
     Accepted,
     /// It was to be compared with what is there, or the tile was done already.
@@ -96,7 +96,7 @@ pub(super) enum Completion {
 }
 
 impl JobQueue {
-    pub(super) fn new(run: &Run, tiling: Tiling, clusters: Cluster) -> Self {
+    pub(crate) fn new(run: &Run, tiling: Tiling, clusters: Cluster) -> Self {
         let order = tile_order::tiles(run.order, tiling, run.seed);
         let nodes_of_lanes: Vec<_> = match run.assignment {
             Assignment::OnDemand => vec![None],
@@ -130,38 +130,38 @@ impl JobQueue {
         queue
     }
 
-    pub(super) fn total(&self) -> u32 {
+    pub(crate) fn total(&self) -> u32 {
         self.tiles.len() as u32
     }
 
     /// Tiles not done yet.
-    pub(super) fn missing(&self) -> u32 {
+    pub(crate) fn missing(&self) -> u32 {
         self.missing
     }
 
     /// Attempts that masters have.
-    pub(super) fn out(&self) -> usize {
+    pub(crate) fn out(&self) -> usize {
         self.out.len()
     }
 
     /// Whether all is done, and nobody works on anything.
-    pub(super) fn is_quiet(&self) -> bool {
+    pub(crate) fn is_quiet(&self) -> bool {
         self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
     }
 
     /// How a tile stands, for whoever looks for a fault here.
-    pub(super) fn describe(&self, tile: TileId) -> String {
+    pub(crate) fn describe(&self, tile: TileId) -> String {
         let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
         format!("{tile}: {:?}, out {out:?}", self.tiles.get(tile.0 as usize))
     }
 
     /// Checks that no master has yet.
-    pub(super) fn waiting_checks(&self) -> usize {
+    pub(crate) fn waiting_checks(&self) -> usize {
         self.checks.len()
     }
 
     /// The attempt at a tile that is part of the image.
-    pub(super) fn accepted(&self, tile: TileId) -> Option<Attempt> {
+    pub(crate) fn accepted(&self, tile: TileId) -> Option<Attempt> {
         match self.tiles.get(tile.0 as usize)?.place {
             Place::Done { attempt, .. } => Some(attempt),
             _ => None,
@@ -169,14 +169,14 @@ impl JobQueue {
     }
 
     /// Attempts after a tile's first.
-    pub(super) fn reissued(&self) -> u64 {
+    pub(crate) fn reissued(&self) -> u64 {
         self.reissued
     }
 
     /// What the master of a cluster is to get now, so many tiles at most; `available` are its nodes that are not set
     /// aside. Lanes with the fewest tiles out come first, so that no node's share of the master's queue grows at the
     /// cost of another's.
-    pub(super) fn grants(
+    pub(crate) fn grants(
         &mut self,
         cluster: ClusterId,
         wanted: u32,
@@ -255,7 +255,7 @@ impl JobQueue {
     }
 
     /// An attempt is complete, and the display has its pixels.
-    pub(super) fn complete(&mut self, tile: TileId, attempt: Attempt, by: Producer, now: Duration) -> Completion {
+    pub(crate) fn complete(&mut self, tile: TileId, attempt: Attempt, by: Producer, now: Duration) -> Completion {
         let Some(out) = self.out.remove(&(tile, attempt)) else { return Completion::Unknown };
         let entry = &mut self.tiles[tile.0 as usize];
         let is_awaited = matches!(entry.place, Place::Out | Place::Waiting);
@@ -276,7 +276,7 @@ impl JobQueue {
     }
 
     /// An attempt came to nothing: the tile waits again, ahead of the others, unless somebody else has it.
-    pub(super) fn lose(&mut self, tile: TileId, attempt: Attempt) -> bool {
+    pub(crate) fn lose(&mut self, tile: TileId, attempt: Attempt) -> bool {
         let Some(out) = self.out.remove(&(tile, attempt)) else { return false };
         let is_out = self.out_of(tile).any(|(_, other)| !matches!(other.kind, Kind::Check(_)));
         let entry = &mut self.tiles[tile.0 as usize];
@@ -294,13 +294,13 @@ impl JobQueue {
     }
 
     /// The attempts that a cluster has not told the end of.
-    pub(super) fn open(&self, cluster: ClusterId) -> impl Iterator<Item = LostAttempt> {
+    pub(crate) fn open(&self, cluster: ClusterId) -> impl Iterator<Item = LostAttempt> {
         let of_cluster = self.out.iter().filter(move |(_, out)| out.cluster == cluster);
         of_cluster.map(|(&(tile, attempt), _)| LostAttempt { tile, attempt })
     }
 
     /// A cluster is dead with all that it had.
-    pub(super) fn lose_cluster(&mut self, cluster: ClusterId) -> usize {
+    pub(crate) fn lose_cluster(&mut self, cluster: ClusterId) -> usize {
         let lost: Vec<_> = self.out.iter().filter(|(_, out)| out.cluster == cluster).map(|(&id, _)| id).collect();
         // From behind, so that the first tile is the first in its lane again.
         for &(tile, attempt) in lost.iter().rev() {
@@ -310,24 +310,24 @@ impl JobQueue {
     }
 
     /// The node will not come back: its tiles are anybody's.
-    pub(super) fn set_aside(&mut self, node: NodeId) {
+    pub(crate) fn set_aside(&mut self, node: NodeId) {
         self.lanes.iter_mut().filter(|lane| lane.node == Some(node)).for_each(|lane| lane.node = None);
     }
 
     /// A done tile is to be rendered once more, by none of these nodes, and compared.
-    pub(super) fn check(&mut self, tile: TileId, except: Vec<NodeId>) {
+    pub(crate) fn check(&mut self, tile: TileId, except: Vec<NodeId>) {
         self.checks.push_back((tile, except));
     }
 
     /// A tile is in dispute: a check that is for none of these nodes takes the place of one that waits. However often a
     /// node disputes a tile, one check waits.
-    pub(super) fn settle(&mut self, tile: TileId, except: Vec<NodeId>) {
+    pub(crate) fn settle(&mut self, tile: TileId, except: Vec<NodeId>) {
         self.checks.retain(|(waiting, _)| *waiting != tile);
         self.checks.push_front((tile, except));
     }
 
     /// Checks that wait, and that are for none of these nodes, are given up.
-    pub(super) fn give_up_checks(&mut self, available: &[NodeId]) -> Vec<TileId> {
+    pub(crate) fn give_up_checks(&mut self, available: &[NodeId]) -> Vec<TileId> {
         let (kept, given_up) = std::mem::take(&mut self.checks)
             .into_iter()
             .partition(|(_, except): &(TileId, Vec<NodeId>)| available.iter().any(|node| !except.contains(node)));
@@ -336,13 +336,13 @@ impl JobQueue {
     }
 
     /// Whether a check of this tile waits or is out.
-    pub(super) fn checks(&self, tile: TileId) -> bool {
+    pub(crate) fn checks(&self, tile: TileId) -> bool {
         self.checks.iter().any(|(waiting, _)| *waiting == tile)
             || self.out_of(tile).any(|(_, out)| matches!(out.kind, Kind::Check(_)))
     }
 
     /// Takes over what the display has of an earlier run; `has` says which tiles. To be called before any is issued.
-    pub(super) fn resume(&mut self, has: impl Fn(TileId) -> bool) -> u32 {
+    pub(crate) fn resume(&mut self, has: impl Fn(TileId) -> bool) -> u32 {
         let mut resumed = 0;
         for (i, entry) in self.tiles.iter_mut().enumerate() {
             if entry.place == Place::Waiting && has(TileId(i as u32)) {
@@ -360,7 +360,7 @@ impl JobQueue {
 
     /// Done tiles that `is_gone` chooses, by tile and its producer, are to be done again: the display does not have them,
     /// or is about to take them out. The producers, a tile each; `None`: of an earlier run.
-    pub(super) fn redo(
+    pub(crate) fn redo(
         &mut self,
         is_gone: impl Fn(TileId, Option<Producer>) -> bool,
     ) -> Vec<(TileId, Option<Producer>)> {

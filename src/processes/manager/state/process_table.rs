@@ -2,48 +2,48 @@
 
 use std::time::Duration;
 
-use super::process::{Process, ProcessId, Stage};
+use super::super::process::{Process, ProcessId, Stage};
 use crate::topology::Deadlines;
 
 /// From the end of a control connection to that of its process.
 const EXIT_DEADLINE: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Default)]
-pub(super) struct ProcessTable {
+pub(crate) struct ProcessTable {
     processes: Vec<Process>,
 }
 
 impl ProcessTable {
-    pub(super) fn insert(&mut self, process: Process) {
+    pub(crate) fn insert(&mut self, process: Process) {
         self.processes.push(process);
     }
 
-    pub(super) fn remove(&mut self, id: ProcessId) -> Option<Process> {
+    pub(crate) fn remove(&mut self, id: ProcessId) -> Option<Process> {
         let place = self.processes.iter().position(|process| process.id == id)?;
         Some(self.processes.swap_remove(place))
     }
 
-    pub(super) fn get_mut(&mut self, id: ProcessId) -> Option<&mut Process> {
+    pub(crate) fn get_mut(&mut self, id: ProcessId) -> Option<&mut Process> {
         self.processes.iter_mut().find(|process| process.id == id)
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Process> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Process> {
         self.processes.iter()
     }
 
-    pub(super) fn nodes(&self) -> impl Iterator<Item = &Process> {
+    pub(crate) fn nodes(&self) -> impl Iterator<Item = &Process> {
         self.processes.iter().filter(|process| process.id.node().is_some())
     }
 
     /// For processes that are connected and wait, deadlines begin now.
-    pub(super) fn excuse_connected(&mut self, now: Duration) {
+    pub(crate) fn excuse_connected(&mut self, now: Duration) {
         let waiting = self.processes.iter_mut().filter(|process| process.stage == Stage::Connected);
         waiting.for_each(|process| process.since = now);
     }
 
     /// Who has missed a deadline, and which; each as the rest of a sentence that begins with its name.
-    pub(super) fn overdue(&self, now: Duration, deadlines: &Deadlines) -> Vec<(ProcessId, String)> {
-        let alive = self.processes.iter().filter(|process| process.doom.is_none());
+    pub(crate) fn overdue(&self, now: Duration, deadlines: &Deadlines) -> Vec<(ProcessId, String)> {
+        let alive = self.processes.iter().filter(|process| process.killed.is_none());
         alive.filter_map(|process| Some((process.id, overdue(process, now, deadlines)?))).collect()
     }
 }
@@ -73,7 +73,7 @@ fn overdue(process: &Process, now: Duration, deadlines: &Deadlines) -> Option<St
     silent.then(|| format!("was silent for more than {}", seconds(deadlines.heartbeat)))
 }
 
-pub(super) fn seconds(duration: Duration) -> String {
+pub(crate) fn seconds(duration: Duration) -> String {
     format!("{} s", duration.as_secs_f64())
 }
 
