@@ -27,7 +27,7 @@ const COMMANDS_MAX: usize = 64;
 const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
 /// For the master and the nodes to leave once the end was told.
-const LEAVE_DEADLINE: Duration = Duration::from_millis(500);
+pub const LEAVE_DEADLINE: Duration = Duration::from_millis(500);
 
 /// From the process to its loop.
 #[derive(Debug)]

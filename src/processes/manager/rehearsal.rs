@@ -8,11 +8,13 @@ use super::closing;
 use super::event::{Action, Event};
 use super::sample;
 use super::state::State;
+use crate::database::Header;
 use crate::ids::{Attempt, RunId, TileId};
 use crate::machine::specification::{Cluster, MemorySize};
 use crate::report::Incident;
 use crate::report::conservation::Conservation;
 use crate::topology::Run;
+use crate::tracer::View;
 
 /// The run that is rehearsed.
 pub(in crate::processes) const RUN: RunId = sample::RUN;
@@ -55,11 +57,12 @@ pub(in crate::processes) struct Queues {
 }
 
 impl Rehearsal {
-    pub(in crate::processes) fn start(play: &Play) -> (Self, Vec<Action>) {
+    pub(in crate::processes) fn start(play: &Play, header: &Header, view: View) -> (Self, Vec<Action>) {
         let mut plan = sample::plan(play.nodes, play.tiles);
         plan.cluster = Cluster { count: play.clusters, nodes: play.nodes, ..plan.cluster };
         plan.cluster.local_memory.size = play.memory;
         plan.run = play.run;
+        (plan.header, plan.view) = (header.clone(), view);
         let (state, actions) = State::start(plan);
         (Self { state }, actions)
     }

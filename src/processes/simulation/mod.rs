@@ -1,23 +1,25 @@
-//! A run without processes, sockets or a clock: the states of manager, masters and nodes, wired by a network that exists
+//! A run without processes, sockets or a clock: the states of all processes, wired by a network that exists
 //! in numbers only, and everything that can go wrong with it. One seed, one course of events.
 //!
 //! ```text
 //! schedule (topology, faults) ─▶ world (the manager's shell) ─▶ network (delays, cuts, ends, timers)
-//!                                  bus, master, node, display: shells ◀┘
+//!                                  host: the driver of every other process ◀┘
+//!                                  tracer, memory, files: its workers
 //!                                  promises: what must hold when it is over
 //! ```
 
-mod bus;
 mod child;
 mod dice;
-mod display;
-mod fake_tracer;
-mod master;
+mod files;
+mod host;
+mod memory;
 mod network;
-mod node;
 mod promises;
+mod roles;
+mod scenery;
 mod schedule;
 mod stopwatch;
+mod tracer;
 mod world;
 
 #[cfg(test)]
@@ -28,7 +30,7 @@ use std::time::Duration;
 pub use self::schedule::{Schedule, What};
 pub use self::stopwatch::Clock;
 pub use self::world::Recovery;
-use self::world::{Body, World};
+use self::world::World;
 pub use super::manager::rehearsal::End;
 
 /// A run that goes on for longer hangs.
@@ -41,7 +43,7 @@ pub struct Outcome {
     pub end: Option<End>,
     /// Of virtual time.
     pub took: Duration,
-    /// Events that the states of manager and masters were given.
+    /// Events that the states were given.
     pub decisions: u64,
     /// What these took on the host; zero without a clock.
     pub deciding: Duration,
@@ -69,11 +71,6 @@ pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
     while world.manager.end().is_none() && world.network.now < DEADLINE && steps < STEPS_MAX && world.step() {
         steps += 1;
     }
-    let masters = world.bodies.iter().flatten().filter_map(|body| match body {
-        Body::Master(master) => Some(master.tiles_a_node),
-        _ => None,
-    });
-    let tiles_a_node_most = masters.max().unwrap_or(0);
     Outcome {
         end: world.manager.end(),
         took: world.network.now,
@@ -82,10 +79,10 @@ pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
         reissued: world.manager.reissued(),
         compared: world.manager.compared(),
         out_most: world.most.out,
-        tiles_a_node_most,
+        tiles_a_node_most: world.tiles_a_node,
         under_way_most: world.network.longest,
         wrong_tiles: promises::wrong_tiles(schedule, &world).len(),
-        broken: promises::broken(schedule, &world, tiles_a_node_most),
+        broken: promises::broken(schedule, &world),
         incidents: incidents(&world),
         recoveries: world.recoveries,
     }

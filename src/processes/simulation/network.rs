@@ -8,12 +8,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::dice::Dice;
-use crate::ids::{Attempt, TileId};
 use crate::processes::manager::process::{Command, ProcessId, Report};
-use crate::protocol::image::{ImageReply, TilePixels};
-use crate::protocol::mac::Mac;
-use crate::protocol::memory::MemoryRequest;
-use crate::protocol::work::WorkRequest;
 
 /// What a message takes; one in a hundred takes [`SPIKE`] times as long.
 const DELAY: [Duration; 2] = [Duration::from_micros(30), Duration::from_micros(600)];
@@ -41,20 +36,13 @@ pub(super) enum Parcel {
     End,
 }
 
-/// What the conversations carry; without the data of fetches and uploads, which nothing depends on.
+/// What the conversations carry.
 #[derive(Debug)]
 pub(super) enum Message {
     Command(Command),
     Report(Report),
-    Work(WorkRequest),
-    Job { tile: TileId, attempt: Attempt, permit: Mac },
-    Modelled(MemoryRequest),
-    Fetch { tile: TileId, attempt: Attempt, fetches: u64, bytes: u64 },
-    Data,
-    Store,
-    Stored,
-    Pixels(TilePixels, Vec<u8>),
-    Reply(ImageReply),
+    /// A whole one, as it goes over the wire between other processes than the manager.
+    Frame(Vec<u8>),
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -64,13 +52,13 @@ pub(super) enum Timer {
     Tick,
     /// What was dialled has not answered.
     Dialled(Wire),
-    /// The tracer is done with its tile.
+    /// The pause before a connection of this number is dialled is over.
+    Dial(u32),
+    /// Time to look at the deadlines of a state.
+    Deadline,
+    /// The tracer is done with its tile, but for what it waits for.
     Traced,
-    /// The pause before the display is dialled for so many a time is over.
-    Redial(u64),
-    /// Time to look whether the display owes something.
-    Late,
-    /// What it holds does not come to its end.
+    /// A bus waits no longer for those who have not left.
     Leave,
     /// Nobody hangs up.
     Farewell,

@@ -9,9 +9,11 @@
 //! - The books that were closed balance.
 //! - A master has eight tiles for each of its nodes at most, and the manager has no more attempts out than that.
 
-use super::fake_tracer;
+use super::files;
+use super::roles::Body;
+use super::scenery;
 use super::schedule::{Fault, Schedule, What};
-use super::world::{Body, World};
+use super::world::World;
 use crate::ids::TileId;
 use crate::processes::display::composition::Finished;
 use crate::processes::manager::process::ProcessId;
@@ -24,7 +26,7 @@ const FAILURES: usize = 3;
 const TILES_A_NODE: usize = 8;
 
 /// The promises that were not kept.
-pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) -> Vec<String> {
+pub(super) fn broken(schedule: &Schedule, world: &World) -> Vec<String> {
     let mut broken = Vec::new();
     match world.manager.end() {
         None => {
@@ -43,8 +45,8 @@ pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) ->
             broken.push(format!("{}: {} and {}", check.name, check.left, check.right));
         }
     }
-    if tiles_a_node > TILES_A_NODE {
-        broken.push(format!("a master had {tiles_a_node} tiles a node"));
+    if world.tiles_a_node > TILES_A_NODE {
+        broken.push(format!("a master had {} tiles a node", world.tiles_a_node));
     }
     let out_max = TILES_A_NODE * usize::from(schedule.all_nodes());
     if world.most.out > out_max || world.most.wanted as usize > out_max {
@@ -56,7 +58,7 @@ pub(super) fn broken(schedule: &Schedule, world: &World, tiles_a_node: usize) ->
 /// What the display wrote, once it has.
 fn image<'a>(world: &'a World<'_>) -> Option<&'a Finished> {
     let mut displays = world.bodies.iter().rev().flatten().filter_map(|body| match body {
-        Body::Display(display) => display.finished.as_ref(),
+        Body::Display(display) => display.worker.finished.as_ref(),
         _ => None,
     });
     displays.next()
@@ -66,7 +68,8 @@ fn image<'a>(world: &'a World<'_>) -> Option<&'a Finished> {
 pub(super) fn wrong_tiles(schedule: &Schedule, world: &World) -> Vec<TileId> {
     let Some(image) = image(world) else { return Vec::new() };
     let tiles = (0..schedule.tiles()).map(TileId).filter(|tile| world.manager.accepted(*tile).is_some());
-    let is_wrong = |tile: &TileId| image.frame.pixels().colour[tile.0 as usize] != fake_tracer::pixels(*tile).colour[0];
+    let right = scenery::colours(schedule.tiles());
+    let is_wrong = |tile: &TileId| image.frame.pixels().colour[tile.0 as usize] != right[tile.0 as usize];
     tiles.filter(is_wrong).collect()
 }
 
@@ -84,7 +87,7 @@ fn complete(schedule: &Schedule, world: &World, broken: &mut Vec<String>) {
         && !world.manager.incidents().iter().any(|incident| incident.text.contains("is not verified"));
     for tile in wrong_tiles(schedule, world) {
         let is_corrupt = |(node, epoch)| world.corrupted.contains(&ProcessId { role: Role::Node(node), epoch });
-        if is_verified || !world.journal.source(tile).is_some_and(is_corrupt) {
+        if is_verified || !files::source(&world.journal, tile).is_some_and(is_corrupt) {
             broken.push(format!("{tile} is wrong"));
         }
     }

@@ -41,6 +41,8 @@ pub enum What {
     Corrupt,
 }
 
+/// Of the database, for nodes that do not hold all of it.
+const PART: MemorySize = MemorySize::Share { numerator: 1, denominator: 4 };
 /// So many faults at most.
 const FAULTS_MAX: u64 = 7;
 
@@ -50,7 +52,7 @@ impl Schedule {
         let clusters = 1 + dice.below(3) as u16;
         let nodes = 1 + dice.below(9) as u16;
         let tiles = 20 + dice.below(181) as u32;
-        let local_memory = [MemorySize::All, MemorySize::Bytes(64 << 10)];
+        let local_memory = [MemorySize::All, PART];
         let run = Run {
             order: *dice.choose(&[TileOrder::Scanline, TileOrder::Morton, TileOrder::Random]),
             assignment: *dice.choose(&[Assignment::OnDemand, Assignment::Interleaved]),
@@ -72,7 +74,7 @@ impl Schedule {
     /// So many nodes at one master, and nothing goes wrong.
     pub fn large(nodes: u16, tiles: u32, counted: bool) -> Self {
         let mut schedule = Self::random(0);
-        let memory = if counted { MemorySize::Bytes(64 << 10) } else { MemorySize::All };
+        let memory = if counted { PART } else { MemorySize::All };
         let run = Run { assignment: Assignment::OnDemand, verify: 0.0, ..schedule.play.run };
         schedule.play = Play { clusters: 1, nodes, tiles, memory, run };
         schedule.faults.clear();

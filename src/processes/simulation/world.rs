@@ -4,20 +4,28 @@
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
-use super::bus::Bus;
 use super::child::Child;
-use super::display::{Display, Journal};
-use super::master::Master;
+use super::files::{Files, Journal};
+use super::host::Host;
+use super::memory::Memory;
 use super::network::{Actor, MANAGER, Message, Network, Occurrence, Parcel, Timer, Trouble, Wire};
-use super::node::Node;
+use super::roles::{Body, NoTasks};
+use super::scenery;
 use super::schedule::{Schedule, What};
 use super::stopwatch::{Clock, Stopwatch};
-use crate::ids::Epoch;
+use super::tracer::Tracer;
+use crate::ids::{Address, Epoch};
+use crate::processes::bus::control::Control;
+use crate::processes::display::state as display;
 use crate::processes::manager::process::{Command, ProcessId, Report};
-use crate::processes::manager::rehearsal::{Queues, Rehearsal};
+use crate::processes::manager::rehearsal::{self, Queues, Rehearsal};
 use crate::processes::manager::state::{Action, Event};
+use crate::processes::master::state as master;
+use crate::processes::node::state as node;
 use crate::protocol::control::{BusReport, DisplayReport, MasterReport, NodeReport};
+use crate::protocol::frame::{self, PREFIX_BYTES};
 use crate::protocol::hello::Role;
+use crate::protocol::memory::{MemoryReply, MemoryRequest};
 
 /// As in the manager's shell and its port.
 const TICK: Duration = Duration::from_millis(50);
@@ -25,7 +33,6 @@ const COMMANDS_MAX: usize = 256;
 const HEARTBEATS: u32 = 4;
 const MYSELF: ProcessId = ProcessId { role: Role::Manager, epoch: Epoch(0) };
 
-#[derive(Debug)]
 pub(super) struct World<'a> {
     schedule: &'a Schedule,
     pub(super) network: Network,
@@ -52,6 +59,8 @@ pub(super) struct World<'a> {
     pub(super) corrupted: HashSet<ProcessId>,
     /// The most that waited at any time.
     pub(super) most: Queues,
+    /// Most tiles that a master had, queued or handed out, per node.
+    pub(super) tiles_a_node: usize,
 }
 
 /// From a fault to the next tile that was done.
@@ -66,17 +75,10 @@ pub struct Recovery {
     pub alone: bool,
 }
 
-#[derive(Debug)]
-pub(super) enum Body {
-    Bus(Box<Bus>),
-    Master(Box<Master>),
-    Node(Box<Node>),
-    Display(Box<Display>),
-}
-
 impl<'a> World<'a> {
     pub(super) fn new(schedule: &'a Schedule, clock: Option<Clock>) -> Self {
-        let (manager, actions) = Rehearsal::start(&schedule.play);
+        let (manager, actions) =
+            Rehearsal::start(&schedule.play, &scenery::database().database().header, scenery::view(schedule.tiles()));
         let mut world = Self {
             schedule,
             network: Network::new(schedule.seed),
@@ -96,6 +98,7 @@ impl<'a> World<'a> {
             troubled_until: Duration::ZERO,
             corrupted: HashSet::new(),
             most: Queues::default(),
+            tiles_a_node: 0,
         };
         world.act(actions);
         world.arm_faults();
@@ -177,10 +180,15 @@ impl<'a> World<'a> {
         self.holders.insert(id.role, child.me);
         self.expected.insert(id);
         self.bodies.push(Some(match id.role {
-            Role::Bus(_) => Body::Bus(Box::new(Bus::new(child))),
-            Role::Master(_) => Body::Master(Box::new(Master::new(child))),
-            Role::Display => Body::Display(Box::new(Display::new(child))),
-            Role::Node(_) | Role::Manager => Body::Node(Box::new(Node::new(child))),
+            Role::Bus(_) => Body::Bus(Box::new(Host::new(child, Control::default(), Memory::default()))),
+            Role::Master(cluster) => Body::Master(Box::new(Host::new(child, master::State::new(cluster), NoTasks))),
+            Role::Display => {
+                let files = Files { journal: Journal::clone(&self.journal), finished: None };
+                Body::Display(Box::new(Host::new(child, display::State::new(rehearsal::RUN), files)))
+            }
+            Role::Node(_) | Role::Manager => {
+                Body::Node(Box::new(Host::new(child, node::State::new(id.role), Tracer::default())))
+            }
         }));
     }
 
@@ -231,8 +239,20 @@ impl<'a> World<'a> {
 
     fn receive_upload(&mut self, wire: Wire, bus: ProcessId, parcel: &Parcel) {
         let event = match parcel {
-            Parcel::Welcome => return self.network.send(MANAGER, wire, Message::Store),
-            Parcel::Message(Message::Stored) => Event::Uploaded(bus),
+            Parcel::Welcome => {
+                let store = MemoryRequest::Store { address: Address(0) };
+                let image = bytemuck::cast_slice(scenery::words());
+                if let Ok(frame) = frame::encode(&store, image) {
+                    self.network.send(MANAGER, wire, Message::Frame(frame));
+                }
+                return;
+            }
+            Parcel::Message(Message::Frame(reply)) => {
+                match frame::decode(reply.get(PREFIX_BYTES..).unwrap_or_default()) {
+                    Ok((MemoryReply::Stored, _)) => Event::Uploaded(bus),
+                    reply => Event::UploadFailed(bus, format!("{reply:?}")),
+                }
+            }
             Parcel::End => Event::UploadFailed(bus, "closed the connection".to_owned()),
             _ => return,
         };
@@ -268,12 +288,8 @@ impl<'a> World<'a> {
             _ if child.is_closing() => return,
             _ => {}
         }
-        match body {
-            Body::Bus(bus) => bus.arrived(network, wire, parcel),
-            Body::Master(master) => master.arrived(network, &mut self.watch, wire, parcel),
-            Body::Node(node) => node.arrived(network, wire, parcel),
-            Body::Display(display) => display.arrived(network, &mut self.journal, wire, parcel),
-        }
+        body.arrived(network, &mut self.watch, wire, parcel);
+        self.look_at_master(actor);
     }
 
     fn went_off(&mut self, actor: Actor, timer: Timer) {
@@ -281,10 +297,14 @@ impl<'a> World<'a> {
         if body.child_mut().timer(&mut self.network, timer) || body.child().is_closing() {
             return;
         }
-        match body {
-            Body::Master(master) => master.timer(&mut self.network, &mut self.watch, timer),
-            Body::Node(node) => node.timer(&mut self.network, timer),
-            Body::Bus(_) | Body::Display(_) => {}
+        body.timer(&mut self.network, &mut self.watch, timer);
+        self.look_at_master(actor);
+    }
+
+    fn look_at_master(&mut self, actor: Actor) {
+        if let Some(Body::Master(master)) = &self.bodies[actor.0] {
+            let tiles = master.machine.tiles().div_ceil(usize::from(self.schedule.play.nodes));
+            self.tiles_a_node = self.tiles_a_node.max(tiles);
         }
     }
 
@@ -314,15 +334,15 @@ impl<'a> World<'a> {
                 None => return,
             },
             What::Leave => {
-                if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
-                    node.leave(&mut self.network);
+                if let Some(body) = &mut self.bodies[actor.0] {
+                    body.terminate(&mut self.network, &mut self.watch);
                 }
                 return;
             }
             What::Corrupt => {
-                if let Some(Body::Node(node)) = &mut self.bodies[actor.0] {
-                    node.corrupt = true;
-                    self.corrupted.insert(node.child.id);
+                if let Some(body) = &mut self.bodies[actor.0] {
+                    body.corrupt(&mut self.network, &mut self.watch);
+                    self.corrupted.insert(body.child().id);
                 }
                 return;
             }
@@ -336,26 +356,6 @@ impl<'a> World<'a> {
         });
         if let What::Stop(lasts) | What::Cut(lasts) = fault.what {
             self.troubled_until = self.troubled_until.max(self.network.now + lasts);
-        }
-    }
-}
-
-impl Body {
-    pub(super) fn child(&self) -> &Child {
-        match self {
-            Self::Bus(bus) => &bus.child,
-            Self::Master(master) => &master.child,
-            Self::Node(node) => &node.child,
-            Self::Display(display) => &display.child,
-        }
-    }
-
-    fn child_mut(&mut self) -> &mut Child {
-        match self {
-            Self::Bus(bus) => &mut bus.child,
-            Self::Master(master) => &mut master.child,
-            Self::Node(node) => &mut node.child,
-            Self::Display(display) => &mut display.child,
         }
     }
 }
