@@ -1,5 +1,5 @@
 //! A bus from its first command to its end, as the manager sees it. What goes on between its clients and the memory is decided
-//! in [`state`](super::state), on a thread of its own.
+//! in `state`, on a thread of its own.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
 //! A display from its first command to its end. No socket, no file. What is in the frame is decided in
-//! [`composition`](super::composition).
+//! `composition`.
 
 use std::collections::HashMap;
 

@@ -1,5 +1,5 @@
 //! A master from its first command to its end: whom it talks to. No socket, no clock. Which node gets which tile is decided
-//! in [`dispatcher`](super::dispatcher).
+//! in `dispatcher`.
 
 use std::collections::HashMap;
 use std::convert::Infallible;

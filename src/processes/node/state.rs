@@ -1,5 +1,5 @@
 //! A node from its first command to its end: whom it talks to, and how long it waits for each. No socket, no thread, no
-//! clock. What becomes of tiles is decided in [`tiles`](super::tiles).
+//! clock. What becomes of tiles is decided in `tiles`.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
