@@ -56,9 +56,9 @@ pub enum Entry {
 
 impl Entry {
     pub fn record(&self) -> Record<'_> {
-        match self {
-            &Self::Pixels { tile, attempt, producer, ref planes } => Record::Pixels { tile, attempt, producer, planes },
-            &Self::Condemned(producer) => Record::Condemned(producer),
+        match *self {
+            Self::Pixels { tile, attempt, producer, ref planes } => Record::Pixels { tile, attempt, producer, planes },
+            Self::Condemned(producer) => Record::Condemned(producer),
         }
     }
 }
