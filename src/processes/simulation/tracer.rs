@@ -61,7 +61,7 @@ impl LineSource for Copied {
         // A local memory asks for lines of the layout alone.
         let _ = self.memory.gather(request, &mut data);
         into.copy_from_slice(&data);
-        self.fetched.push((request.clone(), data));
+        self.fetched.push((*request, data));
         Ok(())
     }
 }
