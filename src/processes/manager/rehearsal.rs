@@ -111,7 +111,7 @@ impl Rehearsal {
         Queues {
             out: self.state.tiles.queue.out(),
             checks: self.state.tiles.queue.waiting_checks(),
-            wanted: self.state.clusters.iter().map(|cluster| cluster.wanted).sum(),
+            wanted: self.state.clusters.iter().fold(0, |sum, cluster| sum.saturating_add(cluster.wanted)),
             processes: self.state.supervision.table.iter().count(),
         }
     }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use bytes::BytesMut;
 
 use super::child::{BADLY, Child, WELL};
+use super::mischief::{Corruptible, Invention, Mischief};
 use super::network::{Actor, Message, Network, Parcel, Timer, Wire};
 use super::stopwatch::Stopwatch;
 use crate::processes::driver::{
@@ -54,9 +55,11 @@ pub(super) struct Desk<'a> {
     pub(super) id: ProcessId,
 }
 
-pub(super) struct Host<M: Machine, W> {
+pub(super) struct Host<M: Corruptible, W> {
     pub(super) child: Child,
     pub(super) machine: M,
+    /// `Some`: it is hostile.
+    mischief: Option<Mischief<M>>,
     pub(super) worker: W,
     admission: Option<Admission>,
     accepted: u64,
@@ -76,11 +79,12 @@ struct Connection {
     is_open: bool,
 }
 
-impl<M: Simulated, W: Worker<M>> Host<M, W> {
-    pub(super) fn new(child: Child, machine: M, worker: W) -> Self {
+impl<M: Corruptible, W: Worker<M>> Host<M, W> {
+    pub(super) fn new(child: Child, machine: M, worker: W, invention: Option<Invention>) -> Self {
         Self {
             child,
             machine,
+            mischief: invention.map(Mischief::new),
             worker,
             admission: None,
             accepted: 0,
@@ -160,7 +164,11 @@ impl<M: Simulated, W: Worker<M>> Host<M, W> {
                 return;
             }
             let (now, machine) = (network.now, &mut self.machine);
-            for action in watch.time(|| machine.handle(now, event)) {
+            let mut actions = watch.time(|| machine.handle(now, event));
+            if let Some(mischief) = &mut self.mischief {
+                actions = mischief.spoil(actions);
+            }
+            for action in actions {
                 match self.act(network, action) {
                     Some(Event::Failed(why)) => {
                         events.push_front(Event::Failed(why));

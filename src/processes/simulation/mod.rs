@@ -13,6 +13,7 @@ mod dice;
 mod files;
 mod host;
 mod memory;
+mod mischief;
 mod network;
 mod promises;
 mod roles;

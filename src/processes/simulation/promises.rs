@@ -34,16 +34,23 @@ pub(super) fn broken(schedule: &Schedule, world: &World) -> Vec<String> {
             broken.extend(world.manager.describe_missing());
         }
         Some(End::Complete) => complete(schedule, world, &mut broken),
+        // Whatever a hostile process says may end a run, with that as its reason.
+        Some(_) if !schedule.hostile.is_empty() => {}
         Some(end) => {
             if let Some(why) = unreasonable(schedule, world, &end) {
                 broken.push(format!("{end:?} without a good reason: {why}"));
             }
         }
     }
-    if let Some(conservation) = world.manager.conservation() {
+    // Books that do not balance are the report's to show, where a hostile process keeps one of them.
+    if let Some(conservation) = world.manager.conservation().filter(|_| schedule.hostile.is_empty()) {
         for check in conservation.checks.iter().filter(|check| !check.holds) {
             broken.push(format!("{}: {} and {}", check.name, check.left, check.right));
         }
+    }
+    // A hostile master has as many as it asks for.
+    if schedule.hostile.iter().any(|role| matches!(role, Role::Master(_))) {
+        return broken;
     }
     if world.tiles_a_node > TILES_A_NODE {
         broken.push(format!("a master had {} tiles a node", world.tiles_a_node));

@@ -3,9 +3,11 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::dice::Dice;
+use super::dice::{Dice, hash};
+use super::mischief::Invention;
 use crate::ids::{ClusterId, NodeId};
 use crate::machine::specification::MemorySize;
+use crate::processes::manager::process::ProcessId;
 use crate::processes::manager::rehearsal::Play;
 use crate::protocol::hello::Role;
 use crate::tile_order::{Assignment, TileOrder};
@@ -16,6 +18,8 @@ pub struct Schedule {
     pub seed: u64,
     pub(super) play: Play,
     pub(super) faults: Vec<Fault>,
+    /// Roles whose every process is hostile.
+    pub(super) hostile: Vec<Role>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +72,31 @@ impl Schedule {
         let play = Play { clusters, nodes, tiles, memory: *dice.choose(&local_memory), run };
         let count = dice.below(FAULTS_MAX + 1);
         let faults = (0..count).map(|_| Fault::random(&mut dice, &play)).collect();
-        Self { seed, play, faults }
+        Self { seed, play, faults, hostile: Vec::new() }
+    }
+
+    /// As [`Self::random`], with a hostile process or two beside the faults.
+    pub fn hostile_of(seed: u64) -> Self {
+        let mut schedule = Self::random(seed);
+        let mut dice = Dice::new(!seed);
+        for _ in 0..1 + dice.below(2) {
+            let role = Fault::random(&mut dice, &schedule.play).role;
+            if !schedule.hostile.contains(&role) {
+                schedule.hostile.push(role);
+            }
+        }
+        // Which of a node's pixels are wrong is another matter.
+        schedule.faults.retain(|fault| fault.what != What::Corrupt);
+        schedule
+    }
+
+    /// What a process makes up, if it is hostile.
+    pub(super) fn hostile(&self, id: ProcessId, number: u64) -> Option<Invention> {
+        self.hostile.contains(&id.role).then(|| Invention {
+            dice: Dice::new(hash(self.seed, number)),
+            nodes: self.all_nodes(),
+            tiles: self.play.tiles,
+        })
     }
 
     /// So many nodes at one master, and nothing goes wrong.
@@ -153,6 +181,7 @@ impl fmt::Display for Schedule {
         let Play { clusters, nodes, tiles, memory, run } = &self.play;
         write!(f, "seed {}: {clusters}x{nodes} nodes, {tiles} tiles, {:?}, ", self.seed, run.assignment)?;
         write!(f, "verify {}, memory {memory:?}, heartbeat {:?}", run.verify, run.deadlines.heartbeat)?;
+        self.hostile.iter().try_for_each(|role| write!(f, "; hostile {role}"))?;
         self.faults.iter().try_for_each(|fault| write!(f, "; {fault}"))
     }
 }

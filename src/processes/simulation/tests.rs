@@ -15,6 +15,19 @@ fn whatever_goes_wrong_the_promises_are_kept() {
     }
 }
 
+#[test]
+fn beside_a_hostile_process_the_image_is_right_or_the_run_fails_and_ends() {
+    let mut broken = Vec::new();
+    for seed in 0..SLICE {
+        let schedule = Schedule::hostile_of(seed);
+        let outcome = rehearse(&schedule, None);
+        if !outcome.broken.is_empty() {
+            broken.push(format!("{schedule}\n{:#?}\n{:#?}", outcome.broken, outcome.incidents));
+        }
+    }
+    assert!(broken.is_empty(), "{} of {SLICE}:\n{}", broken.len(), broken.join("\n"));
+}
+
 /// What was wrong once: tiles lost with a dead node's late request, comparisons lost with a display, tiles that went to a
 /// master without nodes, a tile taken out of a finished image, books that did not balance.
 #[test]

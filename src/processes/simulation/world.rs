@@ -179,15 +179,18 @@ impl<'a> World<'a> {
         self.actors.insert(id, child.me);
         self.holders.insert(id.role, child.me);
         self.expected.insert(id);
+        let hostile = self.schedule.hostile(id, self.bodies.len() as u64);
         self.bodies.push(Some(match id.role {
-            Role::Bus(_) => Body::Bus(Box::new(Host::new(child, Control::default(), Memory::default()))),
-            Role::Master(cluster) => Body::Master(Box::new(Host::new(child, master::State::new(cluster), NoTasks))),
+            Role::Bus(_) => Body::Bus(Box::new(Host::new(child, Control::default(), Memory::default(), hostile))),
+            Role::Master(cluster) => {
+                Body::Master(Box::new(Host::new(child, master::State::new(cluster), NoTasks, hostile)))
+            }
             Role::Display => {
                 let files = Files { journal: Journal::clone(&self.journal), finished: None };
-                Body::Display(Box::new(Host::new(child, display::State::new(rehearsal::RUN), files)))
+                Body::Display(Box::new(Host::new(child, display::State::new(rehearsal::RUN), files, hostile)))
             }
             Role::Node(_) | Role::Manager => {
-                Body::Node(Box::new(Host::new(child, node::State::new(id.role), Tracer::default())))
+                Body::Node(Box::new(Host::new(child, node::State::new(id.role), Tracer::default(), hostile)))
             }
         }));
     }

@@ -1,8 +1,10 @@
 //! The display: one process after the other, each with the journal of all.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use super::super::process::{Command, ProcessId, Stage};
+use super::process_table::seconds;
 use super::supervision::{Exit, FAILURES_MAX, Supervision};
 use crate::ids::{Epoch, Producer};
 use crate::protocol::control::{DisplayCommand, NodeCommand, Share};
@@ -17,8 +19,9 @@ pub(crate) struct Display {
     /// Whether it has reported what it holds, and with that everything it found before; `None`: it was not asked since
     /// something changed.
     has_told_all: Option<bool>,
-    /// The number of the latest question about what it has.
+    /// The number of the latest question about what it has, and when it was asked.
     pub(crate) question: u32,
+    asked: Duration,
     /// What it held of each process when it reported last.
     pub(crate) shares: Vec<Share>,
 }
@@ -67,9 +70,19 @@ impl Display {
         if self.has_told_all.is_none() {
             self.has_told_all = Some(false);
             self.question += 1;
+            self.asked = supervision.now;
             self.tell(DisplayCommand::TellHoldings { question: self.question }, supervision);
         }
         self.has_told_all == Some(true)
+    }
+
+    /// Kills a display that leaves the question about what it holds unanswered.
+    pub(super) fn tick(&self, supervision: &mut Supervision) {
+        let deadline = supervision.plan.run.deadlines.tile;
+        if self.has_told_all == Some(false) && supervision.now.saturating_sub(self.asked) > deadline {
+            let why = format!("did not report what it holds for more than {}", seconds(deadline));
+            supervision.kill(self.process(), why);
+        }
     }
 
     /// What the display reported last is not the end of it.

@@ -432,6 +432,7 @@ impl State {
         self.next_tick = now + TICK;
         self.beginning.tick(&mut self.supervision);
         self.supervision.kill_overdue();
+        self.display.tick(&mut self.supervision);
         if self.tiles.verification.is_overdue(now, self.tiles.queue.is_quiet()) {
             self.tiles.ask_for_comparisons();
         }
