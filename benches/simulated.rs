@@ -1,7 +1,7 @@
 //! Rehearsals of what can go wrong, and what scheduling costs: `cargo bench --bench simulated`,
-//! `-- --schedules 10000 --first 0` for so many seeds from that one on.
+//! `-- --schedules 10000 --first 0` for so many seeds from that one on, `--hostile` with hostile processes beside the faults.
 //!
-//! Virtual time, but for what deciding costs: that is time on this host of all `handle` calls of manager and master.
+//! Virtual time, but for what deciding costs: that is time on this host of all `handle` calls.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -18,7 +18,8 @@ const TILES_A_NODE_MAX: usize = 8;
 
 fn main() {
     let schedules = argument("--schedules").unwrap_or(10_000);
-    let kept = rehearsals(argument("--first").unwrap_or(0), schedules);
+    let hostile = std::env::args().any(|argument| argument == "--hostile");
+    let kept = rehearsals(argument("--first").unwrap_or(0), schedules, hostile);
     let fast = [false, true].into_iter().all(scheduling);
     if !kept || !fast {
         std::process::exit(1);
@@ -39,14 +40,14 @@ struct Row {
     seed: u64,
 }
 
-fn rehearsals(first: u64, schedules: u64) -> bool {
+fn rehearsals(first: u64, schedules: u64, hostile: bool) -> bool {
     let start = Instant::now();
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     let [mut complete, mut missing, mut failed, mut broken] = [0u64; 4];
     let (mut took, mut faults, mut reissued, mut verified, mut disagreements) = (Duration::ZERO, 0, 0, 0, 0);
     let (mut under_way, mut tiles_a_node) = (0, 0);
     for seed in first..first + schedules {
-        let schedule = Schedule::random(seed);
+        let schedule = if hostile { Schedule::hostile_of(seed) } else { Schedule::random(seed) };
         let outcome = rehearse(&schedule, None);
         match outcome.end {
             Some(End::Complete) => complete += 1,
