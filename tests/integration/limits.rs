@@ -113,12 +113,12 @@ fn too_few_threads_are_an_error() {
 fn a_display_that_can_accept_nothing_is_replaced() {
     let folder = tempfile::tempdir().expect("temporary folder");
     // Large enough for its display to be there yet when it is limited.
-    let large = ["--set", "image.width=640", "--set", "image.height=640"];
+    let large = ["image.width=320", "image.height=320"];
     let undisturbed = report_of(TEAPOT, &folder.path().join("undisturbed"), &large);
     let out = folder.path().join("out");
     let mut command = Command::new(MARTI);
     command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["run", TEAPOT, "--quiet", "--out"]).arg(&out);
-    command.args(large).args(["--chaos", "kill master 0@60%"]);
+    command.args(large.map(|set| format!("--set={set}"))).args(["--chaos", "kill master 0@60%"]);
     let start = Instant::now();
     let mut run = command.spawn().expect("marti can be started");
     let journal = out.join("tiles");
