@@ -14,18 +14,10 @@ use super::stopwatch::Stopwatch;
 use crate::processes::driver::{
     Action, Admission, CONNECT_DEADLINE, ConnectionId, Event, Incoming, Loss, Machine, Outgoing, PeerId, UNREAD_MAX,
 };
-use crate::processes::manager::process::{Command, ProcessId, Report};
+use crate::processes::manager::process::ProcessId;
 use crate::protocol::control::Command as _;
 use crate::protocol::frame::PREFIX_BYTES;
 use crate::protocol::hello::Role;
-
-/// A machine whose manager is simulated.
-pub(super) trait Simulated: Machine {
-    /// `None`: it is for another kind of process.
-    fn command(command: Command) -> Option<Self::Command>;
-
-    fn report(report: Self::Report) -> Report;
-}
 
 /// Does the tasks of a state in virtual time.
 pub(super) trait Worker<M: Machine> {

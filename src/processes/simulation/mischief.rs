@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use super::dice::Dice;
-use super::host::Simulated;
+use super::simulated::Simulated;
 use crate::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use crate::machine::stats::MemoryStats;
 use crate::machine::totals::{BusTotals, LostAttempt, MasterTotals};

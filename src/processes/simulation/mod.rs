@@ -19,6 +19,7 @@ mod promises;
 mod roles;
 mod scenery;
 mod schedule;
+mod simulated;
 mod stopwatch;
 mod tracer;
 mod world;

@@ -2,9 +2,10 @@
 
 use super::child::Child;
 use super::files::Files;
-use super::host::{Host, Simulated, Worker};
+use super::host::{Host, Worker};
 use super::memory::Memory;
 use super::network::{Network, Parcel, Timer, Wire};
+use super::simulated::Simulated;
 use super::stopwatch::Stopwatch;
 use super::tracer::Tracer;
 use crate::processes::bus::control::Control;
