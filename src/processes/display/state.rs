@@ -170,7 +170,7 @@ fn serve(
             return;
         }
         Event::Received(id, Incoming { tile, planes }) => {
-            // Nobody is there any more who was dismissed.
+            // The tile of a connection that was closed counts no more.
             let Some(&source) = peers.get(&id) else { return };
             let event = composition::Event::Tile { from: id, source, tile, bytes: &planes };
             return put_together(composition, peers, event, &planes, actions);

@@ -20,7 +20,7 @@ use crate::protocol::hello::Role;
 pub(super) enum Happening<M: Machine> {
     Event(Event<M>),
     Dialled(ConnectionId, Role, Result<Connection, ConnectionError>),
-    /// All that was sent before the connection was closed has left.
+    /// Nothing more is written: all that was sent has left, or cannot leave.
     Flushed(ConnectionId),
 }
 
@@ -90,11 +90,16 @@ where
         self.stages.insert(id, Stage::Dialling(dialling.abort_handle()));
     }
 
-    /// Does not wait. A peer that does not read is dropped, and no other.
-    pub(super) fn send(&mut self, to: ConnectionId, message: M::Outgoing) -> Option<Event<M>> {
+    /// A server that this process has dialled is waited for, as long as its frames can be written. A client that does not read
+    /// is dropped instead: it must not hold up another.
+    pub(super) async fn send(&mut self, to: ConnectionId, message: M::Outgoing) -> Option<Event<M>> {
         let Some(Stage::Open { peer, queue, .. }) = self.stages.get(&to) else { return None };
+        // Where the queue is closed, the task that writes reports why.
+        if let ConnectionId::Dialled(_) = to {
+            let _ = queue.send(message).await;
+            return None;
+        }
         match queue.try_send(message) {
-            // How it failed is told by the task that writes.
             Ok(()) | Err(TrySendError::Closed(_)) => None,
             Err(TrySendError::Full(_)) => {
                 let error = ConnectionError { peer: Arc::clone(peer), fault: Fault::Unread { messages: UNREAD_MAX } };
@@ -159,7 +164,8 @@ async fn write<M: Machine>(
     wire_bytes: Arc<AtomicU64>,
 ) {
     let mut head = Vec::new();
-    while let Some(message) = messages.recv().await {
+    let mut failure = None;
+    while let (None, Some(message)) = (&failure, messages.recv().await) {
         head.clear();
         let before = sender.wire_bytes();
         let written = match message.frame(&mut head) {
@@ -167,11 +173,102 @@ async fn write<M: Machine>(
             Err(error) => Err(sender.error(error)),
         };
         wire_bytes.fetch_add(sender.wire_bytes() - before, Ordering::Relaxed);
-        if let Err(error) = written {
-            let _ = happenings.send(Happening::Event(Event::Closed(id, Some(loss(&error))))).await;
-            return;
-        }
+        failure = written.err();
+    }
+    // The loop may wait for room in this queue, and looks at no happening meanwhile.
+    drop(messages);
+    if let Some(error) = failure {
+        let _ = happenings.send(Happening::Event(Event::Closed(id, Some(loss(&error))))).await;
     }
     sender.finish().await;
+    // After an error, too: the state may have closed the connection, and wait for this.
     let _ = happenings.send(Happening::Flushed(id)).await;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::Ipv4Addr;
+
+    use super::*;
+    use crate::ids::{Attempt, ClusterId, Epoch, NodeId, TileId};
+    use crate::processes::master::state::{Outgoing, State};
+    use crate::protocol::connection::{Credentials, Listener, Receiver};
+    use crate::protocol::hello::RunToken;
+    use crate::protocol::mac::Mac;
+    use crate::protocol::memory::{MemoryReply, MemoryRequest};
+    use crate::protocol::work::WorkReply;
+
+    const BUS: ConnectionId = ConnectionId::Dialled(0);
+    const NODE: ConnectionId = ConnectionId::Accepted(0);
+    const SOON: Duration = Duration::from_secs(10);
+    /// What a master hands out at once to 200 nodes.
+    const MESSAGES: u32 = 800;
+
+    fn job(tile: u32) -> Outgoing {
+        Outgoing::Memory(MemoryRequest::Job { node: NodeId(0), tile: TileId(tile), attempt: Attempt(0), bytes: 1 })
+    }
+
+    /// A master's connections, one of them to a bus or a node that the test plays.
+    async fn connected(id: ConnectionId) -> (Connections<State>, mpsc::Receiver<Happening<State>>, Connection) {
+        let credentials = Credentials::plain(RunToken::new([1; 32]));
+        let mut listener =
+            Listener::bind(Ipv4Addr::LOCALHOST.into(), credentials.clone(), |_, _| Ok(())).await.expect("loopback");
+        let introduction = credentials.introduction(Role::Master(ClusterId(0)), Epoch(0));
+        let bus = Role::Bus(ClusterId(0));
+        let connection = connect(bus, listener.address(), &introduction, SOON).await.expect("welcome");
+        let (_, other_end) = listener.arrival().await.expect("the master");
+        let (mut connections, happenings) = Connections::new(introduction, Arc::default());
+        connections.open(&State::new(ClusterId(0)), id, bus, connection);
+        (connections, happenings, other_end)
+    }
+
+    #[tokio::test]
+    async fn a_server_gets_all_that_is_sent_at_once_and_then_the_end() {
+        let (mut connections, mut happenings, bus) = connected(BUS).await;
+        let reading = tokio::spawn(async move {
+            let (_sender, mut receiver): (_, Receiver<MemoryRequest>) = bus.split::<MemoryReply, MemoryRequest>();
+            let mut tiles = Vec::new();
+            while let Some(request) = receiver.receive_within(SOON).await.expect("whole frames") {
+                let MemoryRequest::Job { tile, .. } = request else { panic!("a job") };
+                tiles.push(tile.0);
+            }
+            tiles
+        });
+        for tile in 0..MESSAGES {
+            assert!(connections.send(BUS, job(tile)).await.is_none(), "tile {tile}");
+        }
+        connections.close(BUS);
+        assert_eq!(reading.await.expect("no panic"), Vec::from_iter(0..MESSAGES));
+        assert!(matches!(happenings.recv().await, Some(Happening::Flushed(BUS))));
+    }
+
+    #[tokio::test]
+    async fn a_server_that_is_gone_holds_nothing_up_and_its_connection_comes_to_an_end() {
+        let (mut connections, mut happenings, bus) = connected(BUS).await;
+        drop(bus);
+        for tile in 0..MESSAGES {
+            connections.send(BUS, job(tile)).await;
+        }
+        connections.close(BUS);
+        let flushed = async { while !matches!(happenings.recv().await, Some(Happening::Flushed(BUS)) | None) {} };
+        tokio::time::timeout(SOON, flushed).await.expect("an end, whatever was lost");
+    }
+
+    #[tokio::test]
+    async fn a_client_that_does_not_read_is_dropped() {
+        let (mut connections, _happenings, _node) = connected(NODE).await;
+        let hand = || Outgoing::Work(WorkReply::Job { tile: TileId(0), attempt: Attempt(0), permit: Mac::default() });
+        let mut sent = 0;
+        // Nothing is written as long as nothing is awaited.
+        let loss = loop {
+            match connections.send(NODE, hand()).await {
+                None => sent += 1,
+                Some(Event::Closed(NODE, Some(loss))) => break loss,
+                Some(_) => panic!("closed, if anything"),
+            }
+        };
+        assert_eq!(sent, UNREAD_MAX);
+        assert!(loss.is_breach && loss.why.ends_with("did not read 64 messages"), "{}", loss.why);
+        assert!(connections.send(NODE, hand()).await.is_none(), "it is gone");
+    }
 }

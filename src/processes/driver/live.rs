@@ -159,7 +159,7 @@ where
             Action::Report(report) => drop(self.reports.send(report).await),
             Action::Listen(admission) => return Some(self.listen(admission).await),
             Action::Dial { id, role, address, pause } => self.connections.dial(id, role, address, pause),
-            Action::Send(to, message) => return self.connections.send(to, message),
+            Action::Send(to, message) => return self.connections.send(to, message).await,
             Action::Close(id) => self.connections.close(id),
             Action::Task(task) => match self.worker.begin(task) {
                 Ok(answer) => return answer.map(Event::Answer),

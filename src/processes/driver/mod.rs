@@ -20,12 +20,12 @@ use crate::protocol::hello::Role;
 
 /// For a peer that is dialled to answer the hello.
 pub const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
-/// Messages that a peer has not read yet. An honest one has fewer on their way to it.
+/// Messages that a client has not read yet. An honest one has fewer on their way to it.
 pub const UNREAD_MAX: usize = 64;
 
 /// The state of a process, from its first command to its end.
 pub trait Machine: Sized {
-    /// The manager's, and what it is told.
+    /// From the manager, and to it.
     type Command: control::Command;
     type Report: control::Report;
     /// From peers, and to them.
@@ -105,7 +105,8 @@ pub enum Event<M: Machine> {
     /// The peer has answered.
     Dialled(ConnectionId),
     Received(ConnectionId, M::Incoming),
-    /// The connection has ended, or could not be made. After [`Action::Close`]: all that was sent has left.
+    /// The connection has ended, or could not be made. After [`Action::Close`]: all that was sent has left, or cannot leave. May
+    /// come more than once.
     Closed(ConnectionId, Option<Loss>),
     Answer(M::Answer),
     /// A task could not be done, or the port is of no use; nor was done what the state answered after it.
@@ -125,7 +126,7 @@ pub enum Action<M: Machine> {
         address: SocketAddr,
         pause: Duration,
     },
-    /// Without a connection of this number nothing is sent. A peer that does not read is dropped.
+    /// Without a connection of this number nothing is sent. A client that does not read is dropped; a server is waited for.
     Send(ConnectionId, M::Outgoing),
     Close(ConnectionId),
     Task(M::Task),

@@ -1,4 +1,4 @@
-//! What the manager's state is told by its shell, and what it answers.
+//! The events that the manager's state takes, and the actions that it answers.
 
 use std::net::SocketAddr;
 

@@ -42,7 +42,7 @@ pub(in crate::processes) enum Action {
     Bus(MemoryRequest),
     /// End the connection.
     Dismiss(NodeProcess),
-    /// All is told.
+    /// All is reported.
     End(MasterTotals),
 }
 

@@ -62,7 +62,7 @@ pub struct State {
 enum Phase {
     Unconfigured,
     Working(Box<Work>),
-    /// All is told but the totals: what was modelled leaves for the bus first.
+    /// All is reported but the totals: the messages to the bus leave first.
     Closing(MasterTotals),
     Over,
 }
@@ -265,7 +265,7 @@ impl Work {
                 }
                 dispatcher::Action::Bus(message) => match &mut self.bus_loss {
                     None => actions.push(Action::Send(BUS, Outgoing::Memory(message))),
-                    // Said once.
+                    // Reported once.
                     Some(loss) if !loss.why.is_empty() => {
                         let why = std::mem::take(&mut loss.why);
                         actions.push(Action::Report(MasterReport::Incident(why)));
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bus_that_is_lost_is_told_once_with_the_first_message_that_it_lacks() {
+    fn a_lost_bus_is_reported_once_with_the_first_message_that_it_lacks() {
         let mut state = serving();
         assert!(at(&mut state, 3, Event::Closed(BUS, None)).is_empty());
         for (tile, incidents) in [(0, 1), (1, 0)] {

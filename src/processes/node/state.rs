@@ -100,7 +100,7 @@ pub struct State {
     /// Its own.
     role: Role,
     phase: Phase,
-    /// It was told to err.
+    /// Its pixels are to be wrong.
     is_corrupt: bool,
 }
 

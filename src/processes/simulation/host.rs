@@ -258,7 +258,9 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
 
     fn send(&mut self, network: &mut Network, to: ConnectionId, message: &M::Outgoing) -> Option<Event<M>> {
         let &Connection { wire, is_open: true, .. } = self.wires.get(&to)? else { return None };
-        if network.under_way(self.child.me, wire) >= UNREAD_MAX {
+        // As live: a server is waited for.
+        let is_client = matches!(to, ConnectionId::Accepted(_));
+        if is_client && network.under_way(self.child.me, wire) >= UNREAD_MAX {
             return Some(self.breach(network, to, format!("did not read {UNREAD_MAX} messages")));
         }
         let mut frame = Vec::new();

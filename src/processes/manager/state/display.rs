@@ -35,7 +35,7 @@ impl Display {
         supervision.tell(self.process(), Command::Display(command));
     }
 
-    /// Nodes that were told of its predecessor are told where it is.
+    /// Nodes that know its predecessor's address get its own.
     pub(super) fn listens(&mut self, id: ProcessId, address: SocketAddr, supervision: &mut Supervision) {
         supervision.enter(id, Stage::Serving);
         self.address = Some(address);

@@ -1,4 +1,4 @@
-//! The run as the manager sees it: who lives, who is told what next. No socket, no process, no clock: the shell
+//! The run as the manager sees it: which processes live, what each of them does next. No socket, no process, no clock: the shell
 //! says what happened and when, and does what is answered.
 //!
 //! Each part owns its state and acts through [`supervision`]. Here events are led to the parts, and what goes on between
@@ -130,7 +130,7 @@ impl State {
             | Report::Node(NodeReport::Incident(text))
             | Report::Display(DisplayReport::Incident(text))
             | Report::Master(MasterReport::Incident(text)) => self.supervision.reported(id, &text),
-            // Whoever is being ended has said its last words that count.
+            // What a process reports after it was killed does not count.
             _ if process.killed.is_some() => {}
             Report::Bus(report) => self.told_by_bus(id, report),
             Report::Master(report) => self.told_by_master(id, report),

@@ -79,7 +79,7 @@ impl Supervision {
         self.kill(id, "was ended with the run".to_owned());
     }
 
-    /// Nothing is told to a process that is not connected, or that was killed.
+    /// A process that is not connected, or was killed, gets no commands.
     pub(super) fn tell(&mut self, id: ProcessId, command: Command) {
         if self.table.get_mut(id).is_some_and(|process| process.can_be_told()) {
             self.actions.push(Action::Tell(id, command));
