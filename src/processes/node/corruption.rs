@@ -4,12 +4,16 @@ use crate::ids::TileId;
 use crate::picture::Pixels;
 use crate::protocol::hello::Role;
 
-/// Turns one bit of every tile's colours around, the last one of a number, so that nothing but a comparison tells.
+/// Turns one bit of every tile's colours around, the last one of a number, so that nothing but a comparison finds it: another
+/// bit where a tile has fewer pixels than the run has nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corruption {
     /// Two such nodes do not agree with each other.
     salt: usize,
 }
+
+/// Of an f32: with any of them changed, it is still finite.
+const MANTISSA_BITS: usize = 23;
 
 impl Corruption {
     pub(super) fn of(role: Role) -> Self {
@@ -18,9 +22,10 @@ impl Corruption {
     }
 
     pub(super) fn flip_a_bit(self, pixels: &mut Pixels, tile: TileId) {
-        let at = (tile.0 as usize + self.salt) % pixels.colour.len().max(1);
+        let count = pixels.colour.len().max(1);
+        let (at, bit) = ((tile.0 as usize + self.salt) % count, self.salt / count % MANTISSA_BITS);
         if let Some([red, ..]) = pixels.colour.get_mut(at) {
-            *red = f32::from_bits(red.to_bits() ^ 1);
+            *red = f32::from_bits(red.to_bits() ^ 1 << bit);
         }
     }
 }
@@ -42,6 +47,7 @@ mod tests {
         let flipped: u32 = bits(&right).iter().zip(bits(&wrong(1, 30))).map(|(a, b)| (a ^ b).count_ones()).sum();
         assert_eq!(flipped, 1);
         assert_ne!(wrong(1, 30), wrong(2, 30));
+        assert_ne!(wrong(1, 30), wrong(10, 30), "the same pixel, another bit");
         Corruption::of(Role::Node(NodeId(1))).flip_a_bit(&mut Pixels::default(), TileId(2));
     }
 }

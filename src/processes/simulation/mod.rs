@@ -36,7 +36,7 @@ use self::world::World;
 pub use super::manager::rehearsal::End;
 
 /// A run that goes on for longer hangs.
-const DEADLINE: Duration = Duration::from_secs(1800);
+const DEADLINE: Duration = Duration::from_secs(6 * 3600);
 const STEPS_MAX: u64 = 20_000_000;
 
 /// What came of a schedule.

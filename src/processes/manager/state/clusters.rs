@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use super::super::event::Action;
 use super::super::plan::Addresses;
 use super::super::process::{Command, Process, ProcessId, Stage};
+use super::process_table::seconds;
 use super::supervision::{Exit, FAILURES_MAX, Supervision};
 use super::tiles::JobQueue;
 use crate::ids::{ClusterId, Epoch, NodeId};
@@ -16,6 +17,9 @@ use crate::protocol::hello::Role;
 /// A node is set aside after so many processes of it left without a tile done in between. More than [`FAILURES_MAX`]: an
 /// operator may ask one process after the other to go.
 const DEPARTURES_MAX: u32 = 20;
+
+/// Tiles that a node may do before one that its master has.
+const SILENT_TILES: u32 = 10;
 
 #[derive(Debug)]
 pub(crate) struct Clusters {
@@ -211,6 +215,21 @@ impl Clusters {
     pub(super) fn want(&mut self, cluster: ClusterId, tiles: u32) {
         let wanted = &mut self.cluster(cluster).wanted;
         *wanted = wanted.saturating_add(tiles);
+    }
+
+    /// Kills masters that report nothing of a tile. A master asks for eight tiles per node, each node does one tile after the
+    /// other within the tile deadline, or is reported as late, and may have to join first: no honest one is silent for so long.
+    pub(super) fn kill_silent_masters(&self, queue: &JobQueue, supervision: &mut Supervision) {
+        let deadlines = supervision.plan.run.deadlines;
+        let longest = SILENT_TILES * deadlines.tile + deadlines.join;
+        for cluster in &self.clusters {
+            if let Some((tile, since)) = queue.oldest(cluster.id)
+                && supervision.now.saturating_sub(since) > longest
+            {
+                let why = format!("reported nothing of {tile} for more than {}", seconds(longest));
+                supervision.kill_unless_killed(cluster.master_process(), why);
+            }
+        }
     }
 
     /// Gives masters what they can take.

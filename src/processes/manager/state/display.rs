@@ -81,7 +81,7 @@ impl Display {
         let deadline = supervision.plan.run.deadlines.tile;
         if self.has_told_all == Some(false) && supervision.now.saturating_sub(self.asked) > deadline {
             let why = format!("did not report what it holds for more than {}", seconds(deadline));
-            supervision.kill(self.process(), why);
+            supervision.kill_unless_killed(self.process(), why);
         }
     }
 

@@ -146,14 +146,14 @@ impl Ending {
                     Step::Books
                 }
                 Step::Books => Step::Farewell,
-                Step::Farewell => return self.be_over(),
+                Step::Farewell => return self.be_over(tiles),
             };
             closing.enter(next, supervision);
         }
     }
 
     /// Kills those who keep the run waiting past the step's deadline.
-    pub(super) fn tick(&mut self, supervision: &mut Supervision) {
+    pub(super) fn tick(&mut self, tiles: &Tiles, supervision: &mut Supervision) {
         let Phase::Closing(closing) = &mut self.phase else { return };
         if supervision.now <= closing.deadline {
             return;
@@ -161,17 +161,21 @@ impl Ending {
         let step = closing.step;
         if closing.forced {
             // Not even killing helped: they go with the manager.
-            return self.be_over();
+            return self.be_over(tiles);
         }
         closing.forced = true;
         closing.deadline = supervision.now + KILL_DEADLINE;
         kill(supervision, "did not end in time", |process| keeps_waiting(process, step));
     }
 
-    fn be_over(&mut self) {
-        if let Some(cause) = self.cause() {
-            self.phase = Phase::Over(cause.clone());
-        }
+    fn be_over(&mut self, tiles: &Tiles) {
+        self.phase = match self.cause() {
+            Some(Cause::Complete) if tiles.ledger.display.is_none() => {
+                Phase::Over(Cause::Failed("the display ended without an image".to_owned()))
+            }
+            Some(cause) => Phase::Over(cause.clone()),
+            None => return,
+        };
     }
 }
 

@@ -148,6 +148,7 @@ impl State {
             BusReport::Failed(why) if self.ending.is_running() => self.supervision.kill(id, format!("failed: {why}")),
             BusReport::Failed(why) => self.fail(format!("{id} failed: {why}")),
             BusReport::Listening(address) => self.clusters.bus_listens(id, cluster, address, &mut self.supervision),
+            BusReport::Finished(_) if self.ending.is_running() => self.ends_early(id),
             BusReport::Finished(totals) => {
                 self.supervision.enter(id, Stage::Finished);
                 self.tiles.ledger.book((cluster, id.epoch)).bus = Some(totals);
@@ -165,9 +166,7 @@ impl State {
                 }
             }
             NodeReport::Packets(packets) => self.tiles.ledger.packets = Some(packets),
-            NodeReport::Finished if self.ending.is_running() => {
-                self.supervision.kill(id, "reported its end before it was asked to end".to_owned());
-            }
+            NodeReport::Finished if self.ending.is_running() => self.ends_early(id),
             NodeReport::Finished => self.supervision.enter(id, Stage::Finished),
         }
     }
@@ -194,7 +193,10 @@ impl State {
             DisplayReport::Condemned(process, tiles) => {
                 // It has taken these tiles out of the frame.
                 if self.tiles.verification.is_condemned(process) {
-                    self.tiles.redo(|tile, _| tiles.contains(tile));
+                    let gone = self.tiles.redo(|tile, _| tiles.contains(tile));
+                    if gone > 0 && self.ending.is_completing() {
+                        self.fail(format!("the display took {gone} tiles out after the last one"));
+                    }
                 }
             }
             DisplayReport::Holdings { question, holdings } => {
@@ -203,11 +205,16 @@ impl State {
                     self.display.shares = holdings.shares;
                 }
             }
+            DisplayReport::Finished(_) if self.ending.is_running() => self.ends_early(id),
             DisplayReport::Finished(totals) => {
                 self.supervision.enter(id, Stage::Finished);
                 self.tiles.ledger.display = Some(totals);
             }
         }
+    }
+
+    fn ends_early(&mut self, id: ProcessId) {
+        self.supervision.kill(id, "reported its end before it was asked to end".to_owned());
     }
 
     fn told_by_master(&mut self, id: ProcessId, report: MasterReport) {
@@ -250,6 +257,7 @@ impl State {
                 let why = format!("held {tile} for more than {deadline}");
                 self.supervision.kill(ProcessId { role: Role::Node(node), epoch }, why);
             }
+            MasterReport::Finished(_) if self.ending.is_running() => self.ends_early(id),
             MasterReport::Finished(totals) => {
                 self.supervision.enter(id, Stage::Finished);
                 self.tiles.ledger.book((cluster, id.epoch)).master = Some(totals);
@@ -433,10 +441,13 @@ impl State {
         self.beginning.tick(&mut self.supervision);
         self.supervision.kill_overdue();
         self.display.tick(&mut self.supervision);
+        if self.ending.is_running() {
+            self.clusters.kill_silent_masters(&self.tiles.queue, &mut self.supervision);
+        }
         if self.tiles.verification.is_overdue(now, self.tiles.queue.is_quiet()) {
             self.tiles.ask_for_comparisons();
         }
-        self.ending.tick(&mut self.supervision);
+        self.ending.tick(&self.tiles, &mut self.supervision);
     }
 
     /// Begins the end.

@@ -73,6 +73,13 @@ impl Supervision {
         }
     }
 
+    /// The same, for what is found at every tick.
+    pub(super) fn kill_unless_killed(&mut self, id: ProcessId, why: String) {
+        if self.table.get_mut(id).is_some_and(|process| process.killed.is_none()) {
+            self.kill(id, why);
+        }
+    }
+
     /// Ends a process that is not needed any more.
     pub(super) fn dismiss(&mut self, id: ProcessId) {
         self.enter(id, Stage::Finished);

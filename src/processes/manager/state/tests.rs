@@ -271,6 +271,69 @@ fn silence_and_late_tiles_are_answered_by_killing() {
 }
 
 #[test]
+fn a_master_that_reports_nothing_of_a_tile_is_killed_and_its_cluster_starts_again() {
+    let mut stage = Stage::running(2, 4);
+    let everybody = [BUS, MASTER, DISPLAY, node(0, 0), node(1, 0)];
+    // Ten tile deadlines, and the time to join.
+    for (seconds, expected) in [(1200, vec![]), (1201, vec![Action::Kill(MASTER)]), (1202, vec![])] {
+        stage.now = Duration::from_secs(seconds);
+        stage.heartbeats(&everybody);
+        assert_eq!(stage.happens(Event::Tick), expected, "{seconds} s");
+    }
+    stage.exits(MASTER);
+    assert_eq!(stage.incidents(), ["the master reported nothing of tile 0 for more than 1200 s"]);
+}
+
+/// It sends signs of life, and no answer.
+#[test]
+fn a_display_that_does_not_report_what_it_holds_is_replaced_and_asked_again() {
+    let mut stage = Stage::running(1, 1);
+    let everybody = [BUS, MASTER, DISPLAY, node(0, 0)];
+    let actions = stage.done(0, 0, 0);
+    assert!(actions.contains(&stage.question()), "{actions:?}");
+    for (seconds, expected) in [(60, vec![]), (61, vec![Action::Kill(DISPLAY)]), (62, vec![])] {
+        stage.now = Duration::from_secs(seconds);
+        stage.heartbeats(&everybody);
+        assert_eq!(stage.happens(Event::Tick), expected, "{seconds} s");
+    }
+    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
+    assert!(stage.exits(DISPLAY).contains(&Action::Spawn(next)));
+    assert_eq!(stage.incidents(), ["the display did not report what it holds for more than 60 s"]);
+}
+
+#[test]
+fn a_server_that_ends_before_it_is_asked_to_is_killed() {
+    let mut stage = Stage::running(1, 2);
+    assert_eq!(stage.bus(BusReport::Finished(BusTotals::default())), [Action::Kill(BUS)]);
+    let mut stage = Stage::running(1, 2);
+    assert_eq!(stage.master(MasterReport::Finished(MasterTotals::default())), [Action::Kill(MASTER)]);
+    let mut stage = Stage::running(1, 2);
+    assert_eq!(stage.display(DisplayReport::Finished(display_totals())), [Action::Kill(DISPLAY)]);
+}
+
+/// A run without its image is not complete.
+#[test]
+fn a_display_that_ends_without_an_image_fails_the_run() {
+    let mut stage = Stage::running(1, 1);
+    stage.done(0, 0, 0);
+    stage.holds([true]);
+    stage.exits(node(0, 0));
+    stage.master(MasterReport::Finished(MasterTotals::default()));
+    stage.bus(BusReport::Finished(BusTotals::default()));
+    for _ in 0..4 {
+        stage.now += Duration::from_secs(61);
+        stage.happens(Event::Tick);
+    }
+    stage.all_exit(&[MASTER, BUS]);
+    for _ in 0..4 {
+        stage.now += Duration::from_secs(61);
+        stage.happens(Event::Tick);
+    }
+    let over = stage.state.over().map(|cause| format!("{cause:?}"));
+    assert!(over.as_deref().is_some_and(|cause| cause.starts_with("Failed")), "{over:?}");
+}
+
+#[test]
 fn three_failures_in_a_row_set_a_node_aside() {
     let mut stage = Stage::running(2, 8);
     assert!(stage.exits(node(0, 0)).contains(&Action::Spawn(node(0, 1))));

@@ -293,7 +293,13 @@ impl JobQueue {
         true
     }
 
-    /// The attempts that a cluster has not told the end of.
+    /// The attempt that a cluster has had for longest, and since when.
+    pub(crate) fn oldest(&self, cluster: ClusterId) -> Option<(TileId, Duration)> {
+        let of_cluster = self.out.iter().filter(|(_, out)| out.cluster == cluster);
+        of_cluster.map(|(&(tile, _), out)| (tile, out.since)).min_by_key(|&(tile, since)| (since, tile.0))
+    }
+
+    /// The attempts of which a cluster has not reported the end.
     pub(crate) fn open(&self, cluster: ClusterId) -> impl Iterator<Item = LostAttempt> {
         let of_cluster = self.out.iter().filter(move |(_, out)| out.cluster == cluster);
         of_cluster.map(|(&(tile, attempt), _)| LostAttempt { tile, attempt })
