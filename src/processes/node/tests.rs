@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread;
 use std::time::Duration;
 
-use glam::DVec3;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
@@ -18,6 +17,7 @@ use crate::machine::cluster_memory::ClusterMemory;
 use crate::machine::specification::{LocalMemory, MemorySize, Replacement};
 use crate::machine::transaction::FetchRequest;
 use crate::picture::{AovSet, ImageSettings, Pixels, Sides, Tiling};
+use crate::processes::simulation::scenery;
 use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::{Bootstrap, NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::{Role, RunToken};
@@ -25,9 +25,7 @@ use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
 use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
-use crate::scene::{Camera, Light, Material, Scene, Sphere};
 use crate::tracer::octree::Octree;
-use crate::tracer::octree::{BuildParameters, build_database};
 use crate::tracer::slices::Slices;
 use crate::tracer::{TileTracer, View};
 
@@ -44,29 +42,14 @@ fn claim(tile: u32) -> Claim {
     Claim { tile: TileId(tile), attempt: Attempt(tile), node: NodeId(0), epoch: Epoch(0) }
 }
 
-/// 27 spheres, some of them mirrors.
-fn database() -> Verified {
-    let colour = |r, g, b| Material::from_nff(DVec3::new(r, g, b), 0.7, 0.3, 20.0, 0.0, 1.0);
-    let spheres = (0..27u32).map(|i| {
-        let centre = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
-        Sphere { centre, radius: 0.4, material: i % 2 }
-    });
-    let scene = Scene {
-        materials: vec![colour(1.0, 0.5, 0.2), colour(0.1, 0.4, 0.9)],
-        spheres: spheres.collect(),
-        ..Scene::default()
-    };
-    build_database(&scene, BuildParameters { leaf_size: 2, max_depth: 8 }).expect("small")
+/// As the simulation's.
+fn database() -> &'static Verified {
+    scenery::database()
 }
 
 fn view() -> View {
-    let from = DVec3::new(6.0, 5.0, 4.0);
-    View {
-        camera: Camera { from, at: DVec3::ONE, up: DVec3::Z, angle_degrees: 35.0, resolution: None },
-        lights: vec![Light { position: DVec3::new(9.0, 1.0, 9.0), colour: DVec3::ONE }],
-        background: DVec3::splat(0.1),
-        image: ImageSettings::new(TILING.sides().width, TILING.sides().height, 3, 0.0).expect("possible"),
-    }
+    let Sides { width, height, .. } = TILING.sides();
+    View { image: ImageSettings::new(width, height, 3, 0.0).expect("possible"), ..scenery::view(1) }
 }
 
 /// The planes of every tile, traced without any process.

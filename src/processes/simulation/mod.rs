@@ -17,7 +17,7 @@ mod mischief;
 mod network;
 mod promises;
 mod roles;
-mod scenery;
+pub(in crate::processes) mod scenery;
 mod schedule;
 mod simulated;
 mod stopwatch;

@@ -48,7 +48,7 @@ pub(super) fn broken(schedule: &Schedule, world: &World) -> Vec<String> {
             broken.push(format!("{}: {} and {}", check.name, check.left, check.right));
         }
     }
-    // A hostile master has as many as it asks for.
+    // A hostile master gets as many as it asks for.
     if schedule.hostile.iter().any(|role| matches!(role, Role::Master(_))) {
         return broken;
     }
@@ -107,6 +107,8 @@ fn unreasonable(schedule: &Schedule, world: &World, end: &End) -> Option<String>
     let (display, others) = (faults(is_display), faults(|fault| fault.role != Role::Display));
     let corrupt = schedule.corrupt_nodes();
     match end {
+        // A straggler's second attempt, compared when all tiles were there already: one of the two is wrong.
+        End::Failed(why) if why.contains("after the last tile") => (corrupt == 0).then(|| why.clone()),
         End::Failed(why) if why.contains("disagree") => (corrupt == 0
             || usize::from(schedule.all_nodes()) > 2 * corrupt && others < corrupt + FAILURES)
             .then(|| format!("{why}; {corrupt} of {} nodes were corrupt", schedule.all_nodes())),

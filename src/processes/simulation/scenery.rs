@@ -13,7 +13,7 @@ use crate::tracer::{TileTracer, View};
 use crate::{ids::TileId, picture::AovSet};
 
 /// The database, made once.
-pub(super) fn database() -> &'static Verified {
+pub(in crate::processes) fn database() -> &'static Verified {
     static DATABASE: OnceLock<Verified> = OnceLock::new();
     DATABASE.get_or_init(|| {
         let colour = |r, g, b| Material::from_nff(DVec3::new(r, g, b), 0.7, 0.3, 20.0, 0.0, 1.0);
@@ -35,7 +35,7 @@ pub(super) fn words() -> &'static [u32] {
 }
 
 /// So many pixels wide.
-pub(super) fn view(tiles: u32) -> View {
+pub(in crate::processes) fn view(tiles: u32) -> View {
     let from = DVec3::new(6.0, 5.0, 4.0);
     View {
         camera: Camera { from, at: DVec3::ONE, up: DVec3::Z, angle_degrees: 35.0, resolution: None },
