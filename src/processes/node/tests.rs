@@ -219,11 +219,11 @@ async fn ended(node: Node) -> Result<(), ProcessError> {
 #[tokio::test]
 async fn its_tiles_are_those_of_the_tracer_alone_and_its_counts_those_of_the_bus() {
     let database = database();
-    let expected = expected(&database);
+    let expected = expected(database);
     for replacement in [Replacement::Lru, Replacement::Fifo, Replacement::Clock, Replacement::Random] {
         for size in [ALL, SMALL] {
             let (master, bus, display) = (listen().await, listen().await, listen().await);
-            let mut configuration = configuration(&database, size, [&master, &bus, &display]);
+            let mut configuration = configuration(database, size, [&master, &bus, &display]);
             configuration.local_memory.replacement = replacement;
             let asked = Arc::new(Asked::default());
             tokio::spawn(play_bus(bus, database.database().clone(), Arc::clone(&asked), u64::MAX));
@@ -253,7 +253,7 @@ async fn a_bus_that_leaves_ends_the_node() {
     let database = database();
     for (size, requests) in [(ALL, 0), (SMALL, 0), (SMALL, 40)] {
         let (master, bus, display) = (listen().await, listen().await, listen().await);
-        let configuration = configuration(&database, size, [&master, &bus, &display]);
+        let configuration = configuration(database, size, [&master, &bus, &display]);
         tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), requests));
         tokio::spawn(play_display(display));
         tokio::spawn(play_master(master, oneshot::channel().0));
@@ -267,7 +267,7 @@ async fn a_bus_that_leaves_ends_the_node() {
 async fn a_corrupt_database_ends_the_node() {
     let database = database();
     let (master, bus, display) = (listen().await, listen().await, listen().await);
-    let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+    let configuration = configuration(database, ALL, [&master, &bus, &display]);
     let mut corrupt = database.database().clone();
     Arc::make_mut(&mut corrupt.words)[0] = u32::MAX;
     tokio::spawn(play_bus(bus, corrupt, Arc::default(), u64::MAX));
@@ -281,11 +281,11 @@ async fn a_corrupt_database_ends_the_node() {
 #[tokio::test]
 async fn a_display_that_dies_is_replaced_and_lacks_nothing() {
     let database = database();
-    let expected = expected(&database);
+    let expected = expected(database);
     // Before it was dialled, with the first tile, and later.
     for tiles_max in 0..=4 {
         let (master, bus, first, second) = (listen().await, listen().await, listen().await, listen().await);
-        let configuration = configuration(&database, ALL, [&master, &bus, &first]);
+        let configuration = configuration(database, ALL, [&master, &bus, &first]);
         tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
         let (all, all_done) = oneshot::channel();
         tokio::spawn(play_master(master, all));
@@ -320,7 +320,7 @@ async fn a_display_that_dies_is_replaced_and_lacks_nothing() {
 async fn a_display_that_hangs_up_is_dialled_again() {
     let database = database();
     let (master, bus, mut display) = (listen().await, listen().await, listen().await);
-    let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+    let configuration = configuration(database, ALL, [&master, &bus, &display]);
     tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
     let (all, all_done) = oneshot::channel();
     tokio::spawn(play_master(master, all));
@@ -335,7 +335,7 @@ async fn a_display_that_hangs_up_is_dialled_again() {
     timeout(SOON, all_done).await.expect("in time").expect("no panic");
     commands.send(NodeCommand::Finish).await.expect("running");
     ended(node).await.expect("told to finish");
-    assert!(tiles.await.expect("no panic") == expected(&database));
+    assert!(tiles.await.expect("no panic") == expected(database));
 }
 
 #[tokio::test]
@@ -344,7 +344,7 @@ async fn a_master_or_display_that_breaks_the_conversation_is_named() {
     let broken = [(99, ["the master", "handed out tile 99"]), (0, ["display refused a tile", "not with me"])];
     for (tile, expected) in broken {
         let (mut master, bus, mut display) = (listen().await, listen().await, listen().await);
-        let configuration = configuration(&database, ALL, [&master, &bus, &display]);
+        let configuration = configuration(database, ALL, [&master, &bus, &display]);
         tokio::spawn(play_bus(bus, database.database().clone(), Arc::default(), u64::MAX));
         tokio::spawn(async move {
             let (_, connection) = master.arrival().await.expect("the node");
