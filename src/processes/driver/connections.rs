@@ -163,17 +163,12 @@ async fn write<M: Machine>(
     happenings: mpsc::Sender<Happening<M>>,
     wire_bytes: Arc<AtomicU64>,
 ) {
-    let mut head = Vec::new();
-    let mut failure = None;
-    while let (None, Some(message)) = (&failure, messages.recv().await) {
-        head.clear();
+    let (mut waiting, mut frames, mut failure) = (Vec::new(), Vec::new(), None);
+    while failure.is_none() && messages.recv_many(&mut waiting, UNREAD_MAX).await > 0 {
         let before = sender.wire_bytes();
-        let written = match message.frame(&mut head) {
-            Ok([a, b, c, d]) => sender.send(head.as_slice().chain(a).chain(b).chain(c).chain(d)).await,
-            Err(error) => Err(sender.error(error)),
-        };
+        failure = write_all(&mut sender, &waiting, &mut frames).await.err();
         wire_bytes.fetch_add(sender.wire_bytes() - before, Ordering::Relaxed);
-        failure = written.err();
+        waiting.clear();
     }
     // The loop may wait for room in this queue, and looks at no happening meanwhile.
     drop(messages);
@@ -183,6 +178,24 @@ async fn write<M: Machine>(
     sender.finish().await;
     // After an error, too: the state may have closed the connection, and wait for this.
     let _ = happenings.send(Happening::Flushed(id)).await;
+}
+
+/// Messages that wait at the same time leave together: the peer wakes once for them.
+async fn write_all<O: Outgoing>(
+    sender: &mut FrameSender,
+    messages: &[O],
+    frames: &mut Vec<u8>,
+) -> Result<(), ConnectionError> {
+    frames.clear();
+    for message in messages {
+        let bulk = message.frame(frames).map_err(|error| sender.error(error))?;
+        let [a, b, c, d] = bulk;
+        if bulk.iter().any(|piece| !piece.is_empty()) {
+            sender.send(frames.as_slice().chain(a).chain(b).chain(c).chain(d)).await?;
+            frames.clear();
+        }
+    }
+    if frames.is_empty() { Ok(()) } else { sender.send(frames.as_slice()).await }
 }
 
 #[cfg(test)]
