@@ -3,14 +3,14 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use marti::database::{Layout, Section};
-use marti::ids::Address;
-use marti::machine::cluster_memory::ClusterMemory;
-use marti::machine::local_memory::{Geometry, LocalMemory};
-use marti::machine::replacement::{Clock, Fifo, Lru, Random, Replacement};
-use marti::machine::specification;
-use marti::machine::specification::MemorySize;
-use marti::tracer::MemoryPort;
+use ground::ids::Address;
+use machine::hardware::cluster_memory::ClusterMemory;
+use machine::hardware::local_memory::{Geometry, LocalMemory};
+use machine::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use machine::hardware::specification;
+use machine::hardware::specification::MemorySize;
+use trace::database::{Layout, Section};
+use trace::tracer::MemoryPort;
 
 /// 128 KiB of octree nodes, 160 KB of triangles.
 const RECORDS: [u64; Section::COUNT] = [32_768, 0, 4_096, 0, 0, 0, 0, 0];

@@ -4,13 +4,13 @@
 
 use std::time::Duration;
 
-use marti::picture::{AovSet, ImageSettings, Rect};
-use marti::preparation::{self, Fallback, Prepared};
-use marti::render::{self, Kernel, Settings};
-use marti::scene::SceneSource;
-use marti::tracer::bvh8::{BatchTracer, Bvh8};
-use marti::tracer::octree::Octree;
-use marti::tracer::simd::Simd;
+use trace::picture::{AovSet, ImageSettings, Rect};
+use trace::preparation::{self, Fallback, Prepared};
+use trace::render::{self, Kernel, Settings};
+use trace::scene::SceneSource;
+use trace::tracer::bvh8::{BatchTracer, Bvh8};
+use trace::tracer::octree::Octree;
+use trace::tracer::simd::Simd;
 
 const SIDE: u32 = 512;
 const TURNS: usize = 5;

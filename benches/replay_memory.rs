@@ -6,17 +6,17 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-use marti::ids::{Attempt, Epoch, NodeId, TileId};
-use marti::picture::{Sides, Tiling};
-use marti::recording::references::{Opened, Seal, Writer, octree_levels};
-use marti::replay::model::curve::curve;
-use marti::replay::model::evaluation::{Evaluation, evaluate};
-use marti::replay::plan::grid::Grid;
-use marti::replay::plan::setting::{Policy, Setting};
-use marti::replay::stream::subject::Subject;
-use marti::replay::{Captured, Trace};
-use marti::topology::Topology;
-use marti::topology::recorded::open_references;
+use cluster::topology::Topology;
+use cluster::topology::recorded::open_references;
+use ground::ids::{Attempt, Epoch, NodeId, TileId};
+use machine::recording::references::{Opened, Seal, Writer, octree_levels};
+use machine::replay::model::curve::curve;
+use machine::replay::model::evaluation::{Evaluation, evaluate};
+use machine::replay::plan::grid::Grid;
+use machine::replay::plan::setting::{Policy, Setting};
+use machine::replay::stream::subject::Subject;
+use machine::replay::{Captured, Trace};
+use trace::picture::{Sides, Tiling};
 
 const TILE: u32 = 8;
 
@@ -70,7 +70,7 @@ fn record(folder: &Path, wanted: u64) {
     let times = wanted.div_ceil(once) as u32;
     let mut writer = Writer::create(folder, NodeId(0), Epoch(0), &header.layout).expect("a writable folder");
     let triangles =
-        marti::machine::references::RecordNumbers::new(&header.layout).section(marti::database::Section::Triangles);
+        machine::hardware::references::RecordNumbers::new(&header.layout).section(trace::database::Section::Triangles);
     for tile in 0..times * tiling.tile_count() {
         let traced = &captured.tiles[(tile % tiling.tile_count()) as usize];
         writer.begin(TileId(tile), Attempt(0));

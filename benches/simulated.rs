@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use marti::processes::simulation::{End, Schedule, rehearse};
+use cluster::processes::simulation::{End, Schedule, rehearse};
 
 const NODES: u16 = 200;
 const TILES: u32 = 20_000;

@@ -2,17 +2,17 @@
 //! process: what simulating costs. `cargo bench --bench traversal`
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use marti::database::verify::Verified;
-use marti::machine::cluster_memory::ClusterMemory;
-use marti::machine::local_memory::{Geometry, LocalMemory};
-use marti::machine::replacement::Lru;
-use marti::machine::specification::{LocalMemory as Configuration, MemorySize, Replacement};
-use marti::picture::{AovSet, ImageSettings, Rect};
-use marti::preparation::{Fallback, Prepared, prepare};
-use marti::scene::SceneSource;
-use marti::tracer::octree::Octree;
-use marti::tracer::slices::Slices;
-use marti::tracer::{MemoryPort, TileTracer};
+use machine::hardware::cluster_memory::ClusterMemory;
+use machine::hardware::local_memory::{Geometry, LocalMemory};
+use machine::hardware::replacement::Lru;
+use machine::hardware::specification::{LocalMemory as Configuration, MemorySize, Replacement};
+use trace::database::verify::Verified;
+use trace::picture::{AovSet, ImageSettings, Rect};
+use trace::preparation::{Fallback, Prepared, prepare};
+use trace::scene::SceneSource;
+use trace::tracer::octree::Octree;
+use trace::tracer::slices::Slices;
+use trace::tracer::{MemoryPort, TileTracer};
 
 const TILE: Rect = Rect { x: 192, y: 192, width: 128, height: 128 };
 
@@ -27,7 +27,7 @@ fn teapot() -> Prepared {
 fn cluster_memory(database: &Verified) -> ClusterMemory {
     let database = database.database();
     let mut memory = ClusterMemory::new(&database.header.layout);
-    memory.store(marti::ids::Address(0), database.bytes()).expect("the image fits its layout");
+    memory.store(ground::ids::Address(0), database.bytes()).expect("the image fits its layout");
     memory
 }
 

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::Failure;
-use marti::cli::program::{self, JoinArguments};
-use marti::ids::ClusterId;
-use marti::processes::bus;
-use marti::protocol::hello::Role;
+use cluster::processes::bus;
+use cluster::protocol::hello::Role;
+use ground::ids::ClusterId;
+use program::cli::Failure;
+use program::cli::entry::{self, JoinArguments};
 
 /// The bus of a cluster. `marti run` starts it; by itself it joins a run, or serves a recording.
 #[derive(Parser)]
@@ -29,7 +29,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    program::enter(|| {
+    entry::enter(|| {
         let Arguments { recording, bind, out, join } = Arguments::parse();
         let Some(recording) = recording else { return Ok(join.play("marti-bus", Role::Bus(ClusterId(0)), bus::run)) };
         let served = bus::serve_alone(&bus::Alone { recording, bind, out });

@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::{self, JoinArguments};
-use marti::processes::display;
-use marti::protocol::hello::Role;
+use cluster::processes::display;
+use cluster::protocol::hello::Role;
+use program::cli::entry::{self, JoinArguments};
 
 /// The frame buffer and the image files. `marti run` starts it; by itself it joins a run.
 #[derive(Parser)]
@@ -16,5 +16,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    program::enter(|| Ok(Arguments::parse().join.play("marti-display", Role::Display, display::run)))
+    entry::enter(|| Ok(Arguments::parse().join.play("marti-display", Role::Display, display::run)))
 }

@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::{self, JoinArguments};
-use marti::ids::ClusterId;
-use marti::processes::master;
-use marti::protocol::hello::Role;
+use cluster::processes::master;
+use cluster::protocol::hello::Role;
+use ground::ids::ClusterId;
+use program::cli::entry::{self, JoinArguments};
 
 /// One cluster's job queue. `marti run` starts it; by itself it joins a run.
 #[derive(Parser)]
@@ -17,5 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    program::enter(|| Ok(Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)))
+    entry::enter(|| Ok(Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)))
 }

@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::program::{self, JoinArguments};
-use marti::ids::NodeId;
-use marti::processes::node;
-use marti::protocol::hello::Role;
+use cluster::processes::node;
+use cluster::protocol::hello::Role;
+use ground::ids::NodeId;
+use program::cli::entry::{self, JoinArguments};
 
 /// A processing node. `marti run` starts it; by itself it joins a run.
 #[derive(Parser)]
@@ -17,5 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    program::enter(|| Ok(Arguments::parse().join.play("marti-node", Role::Node(NodeId(0)), node::run)))
+    entry::enter(|| Ok(Arguments::parse().join.play("marti-node", Role::Node(NodeId(0)), node::run)))
 }

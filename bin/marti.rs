@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use marti::cli::{Arguments, program};
+use program::cli::{Arguments, entry};
 
 fn main() -> ExitCode {
-    program::enter(|| Arguments::parse().carry_out().map(|()| ExitCode::SUCCESS))
+    entry::enter(|| Arguments::parse().carry_out().map(|()| ExitCode::SUCCESS))
 }

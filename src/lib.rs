@@ -65,44 +65,27 @@
 #[cfg(target_endian = "big")]
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
 
-pub mod atomic_file;
-pub mod chaos;
-pub mod cli;
-pub mod database;
-pub mod floating_point;
-pub mod ids;
-pub mod image_file;
-pub mod journal;
-pub mod keys;
-pub mod machine;
-pub mod oracle;
-pub mod outlet;
-pub mod patient_file;
-pub mod picture;
-pub mod preparation;
-pub mod processes;
-pub mod progress;
-pub mod protocol;
-pub mod pulse;
-pub mod recording;
-pub mod regular_file;
-pub mod render;
-pub mod replay;
-pub mod report;
-pub mod scene;
-pub mod secret_file;
-pub mod study;
-pub mod telemetry;
-pub mod tile_order;
-pub mod topology;
-pub mod tracer;
+pub use cluster::topology::Topology;
+pub use cluster::topology::recorded::open_references;
+pub use trace::database::verify::Verified;
+pub use trace::picture::{AovSet, ImageSettings};
+pub use trace::preparation::{Fallback, view};
+pub use trace::render::{Renderer, Rendering};
+pub use trace::scene::{Scene, SceneSource};
+pub use trace::tracer::View;
+pub use trace::tracer::octree::{Octree, build_database};
 
-pub use database::verify::Verified;
-pub use picture::{AovSet, ImageSettings};
-pub use preparation::{Fallback, view};
-pub use render::{Renderer, Rendering};
-pub use scene::{Scene, SceneSource};
-pub use topology::Topology;
-pub use topology::recorded::open_references;
-pub use tracer::View;
-pub use tracer::octree::{Octree, build_database};
+/// Pictures: their settings, tilings and pixels.
+pub mod picture {
+    pub use trace::picture::*;
+}
+
+/// Memories, buses and arbiters, as they are asked for and as they are simulated.
+pub mod machine {
+    pub use ::machine::hardware::{arbiter, bus, local_memory, replacement, specification};
+}
+
+/// References replayed through other memories and buses.
+pub mod replay {
+    pub use ::machine::replay::*;
+}

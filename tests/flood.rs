@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use marti::ids::{Epoch, NodeId};
-use marti::keys::{Identity, KeyFolder, RoleKind, Validity};
-use marti::protocol::connection::{Credentials, Introduction, Listener, Tls, connect};
-use marti::protocol::hello::{Role, RunToken};
+use cluster::keys::{Identity, KeyFolder, RoleKind, Validity};
+use cluster::protocol::connection::{Credentials, Introduction, Listener, Tls, connect};
+use cluster::protocol::hello::{Role, RunToken};
+use ground::ids::{Epoch, NodeId};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::sync::oneshot;
@@ -67,7 +67,7 @@ async fn flood(what: &str, from: Ipv4Addr, listens: Option<Tls>, dials: Option<T
     let (mut welcome, mut failed, mut longest) = (0, 0u32, Duration::ZERO);
     while !flooding.is_finished() || welcome + failed < DIALS_MIN {
         let dialled = Instant::now();
-        match connect(Role::Bus(marti::ids::ClusterId(0)), address, &introduction, DEADLINE).await {
+        match connect(Role::Bus(ground::ids::ClusterId(0)), address, &introduction, DEADLINE).await {
             Ok(_) => welcome += 1,
             Err(_) => failed += 1,
         }

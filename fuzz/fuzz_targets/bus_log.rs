@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::recording::bus_log::{FILE_NAME, Reader, SIDECAR_NAME};
+use machine::recording::bus_log::{FILE_NAME, Reader, SIDECAR_NAME};
 use marti_fuzz::{split, with_folder};
 
 fuzz_target!(|data: &[u8]| {

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::chaos::{Cast, Schedule};
+use cluster::chaos::{Cast, Schedule};
 
 fuzz_target!(|text: &str| {
     let Ok(schedule) = text.parse::<Schedule>() else { return };

@@ -3,7 +3,7 @@
 
 use clap::Parser;
 use libfuzzer_sys::fuzz_target;
-use marti::cli::Arguments;
+use program::cli::Arguments;
 
 fuzz_target!(|text: &str| {
     let _ = Arguments::try_parse_from(std::iter::once("marti").chain(text.lines()));

@@ -6,16 +6,16 @@
 use std::sync::Arc;
 
 use libfuzzer_sys::fuzz_target;
-use marti::database::verify::Verified;
-use marti::database::{Database, Header, Layout, Normalisation, Section};
-use marti::ids::Address;
-use marti::machine::cluster_memory::ClusterMemory;
-use marti::machine::local_memory::{Geometry, LocalMemory};
-use marti::machine::replacement::Lru;
-use marti::machine::specification::{LocalMemory as Settings, MemorySize, Replacement};
-use marti::picture::{AovSet, Rect};
-use marti::scene::Camera;
-use marti::tracer::{TileTracer, View};
+use trace::database::verify::Verified;
+use trace::database::{Database, Header, Layout, Normalisation, Section};
+use ground::ids::Address;
+use machine::hardware::cluster_memory::ClusterMemory;
+use machine::hardware::local_memory::{Geometry, LocalMemory};
+use machine::hardware::replacement::Lru;
+use machine::hardware::specification::{LocalMemory as Settings, MemorySize, Replacement};
+use trace::picture::{AovSet, Rect};
+use trace::scene::Camera;
+use trace::tracer::{TileTracer, View};
 use marti_fuzz::{IMAGE, images, view_of};
 
 /// Traces as a node with 1 KiB does: what it reads is checked record by record, as it comes.

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::protocol::connection::read_buffer::ReadBuffer;
-use marti::protocol::frame::{self, PREFIX_BYTES};
+use cluster::protocol::connection::read_buffer::ReadBuffer;
+use cluster::protocol::frame::{self, PREFIX_BYTES};
 
 const FRAME_BYTES_MAX: usize = 300;
 

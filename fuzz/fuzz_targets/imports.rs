@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use marti::replay::importers::{csv, din, oracle_general};
+use machine::replay::importers::{csv, din, oracle_general};
 
 fuzz_target!(|data: &[u8]| {
     let Some((format, bytes)) = data.split_first() else { return };

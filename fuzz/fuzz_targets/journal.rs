@@ -2,9 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::ids::Producer;
-use marti::journal::{Journal, Next, Reader, Record, Start, Subject};
-use marti::picture::{AovSet, Sides, Tiling};
+use ground::ids::Producer;
+use cluster::journal::{Journal, Next, Reader, Record, Start, Subject};
+use trace::picture::{AovSet, Sides, Tiling};
 use marti_fuzz::with_file;
 
 const SUBJECT: Subject = Subject {

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::keys::{Authority, Certificate, Identity, RoleKind};
+use cluster::keys::{Authority, Certificate, Identity, RoleKind};
 
 fuzz_target!(|pem: &str| {
     let identity = Identity { kind: RoleKind::Node, pem: pem.to_owned() };

@@ -2,16 +2,16 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::protocol::control::{
+use cluster::protocol::control::{
     Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
     NodeReport,
 };
-use marti::protocol::frame::{self, Message};
-use marti::protocol::hello::{Hello, HelloPrelude, HelloReply};
-use marti::protocol::image::{ImageReply, TilePixels};
-use marti::protocol::join::{JoinReply, JoinRequest};
-use marti::protocol::memory::{MemoryReply, MemoryRequest};
-use marti::protocol::work::{WorkReply, WorkRequest};
+use cluster::protocol::frame::{self, Message};
+use cluster::protocol::hello::{Hello, HelloPrelude, HelloReply};
+use cluster::protocol::image::{ImageReply, TilePixels};
+use cluster::protocol::join::{JoinReply, JoinRequest};
+use cluster::protocol::memory::{MemoryReply, MemoryRequest};
+use cluster::protocol::work::{WorkReply, WorkRequest};
 
 fn decode<M: Message>(frame: &[u8]) {
     let Ok((message, bulk)) = frame::decode::<M>(frame) else { return };

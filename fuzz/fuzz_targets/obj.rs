@@ -6,7 +6,7 @@ use marti_fuzz::{split, trace_scene, with_folder};
 
 fuzz_target!(|data: &[u8]| {
     let (obj, mtl) = split(data);
-    let scene = with_folder(&[("scene.obj", obj), ("m", mtl)], |folder| marti::scene::load(&folder.join("scene.obj")));
+    let scene = with_folder(&[("scene.obj", obj), ("m", mtl)], |folder| trace::scene::load(&folder.join("scene.obj")));
     if let Ok(scene) = scene {
         trace_scene(&scene);
     }

@@ -2,10 +2,10 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::ids::{Epoch, NodeId};
-use marti::machine::trace::Trace;
-use marti::recording::references::{SIDECAR_NAME, cut_torn_tails, file_name, scan};
-use marti::topology::recorded::open_references;
+use ground::ids::{Epoch, NodeId};
+use machine::hardware::trace::Trace;
+use machine::recording::references::{SIDECAR_NAME, cut_torn_tails, file_name, scan};
+use cluster::topology::recorded::open_references;
 use marti_fuzz::{split, with_folder};
 
 fuzz_target!(|data: &[u8]| {

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use marti::topology::{Override, Topology};
+use cluster::topology::{Override, Topology};
 use marti_fuzz::{split, with_file};
 
 fuzz_target!(|data: &[u8]| {

@@ -3,15 +3,15 @@
 use std::fs;
 use std::path::Path;
 
-use marti::database::verify::Verified;
-use marti::picture::{AovSet, ImageSettings, Pixels};
-use marti::preparation::{self, Fallback};
-use marti::render::{Kernel, Settings, render};
-use marti::scene::{Camera, Scene};
-use marti::tracer::View;
-use marti::tracer::bvh8::Bvh8;
-use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::simd::Simd;
+use trace::database::verify::Verified;
+use trace::picture::{AovSet, ImageSettings, Pixels};
+use trace::preparation::{self, Fallback};
+use trace::render::{Kernel, Settings, render};
+use trace::scene::{Camera, Scene};
+use trace::tracer::View;
+use trace::tracer::bvh8::Bvh8;
+use trace::tracer::octree::{BuildParameters, build_database};
+use trace::tracer::simd::Simd;
 use tempfile::TempDir;
 
 thread_local! {

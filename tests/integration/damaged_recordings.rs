@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use marti::recording::frames::{Frame, FrameLimits, Frames};
+use machine::recording::frames::{Frame, FrameLimits, Frames};
 use serde_json::Value;
 
 use crate::command::{TEAPOT, marti, recorded_report_of, stderr};

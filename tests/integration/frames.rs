@@ -7,9 +7,9 @@ use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use marti::ids::{ClusterId, Epoch};
-use marti::protocol::frame;
-use marti::protocol::hello::{Hello, HelloReply, Role, RunToken};
+use cluster::protocol::frame;
+use cluster::protocol::hello::{Hello, HelloReply, Role, RunToken};
+use ground::ids::{ClusterId, Epoch};
 
 use crate::command::marti;
 use crate::processes::{children, end, listening_ports, peak_memory_kib};

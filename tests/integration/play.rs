@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use marti::ids::NodeId;
-use marti::machine::transaction::{Kind, Transaction};
-use marti::processes::player::{Pace, PlayError, PlayOutcome, PlayRequest, play};
-use marti::recording::Writer;
-use marti::recording::bus_log::Reader;
+use cluster::processes::player::{Pace, PlayError, PlayOutcome, PlayRequest, play};
+use ground::ids::NodeId;
+use machine::hardware::transaction::{Kind, Transaction};
+use machine::recording::Writer;
+use machine::recording::bus_log::Reader;
 use nix::sys::signal::Signal;
 
 use crate::command::{TEAPOT, number, report_of};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use marti::tracer::simd::Simd;
 use serde_json::Value;
+use trace::tracer::simd::Simd;
 
 use crate::command::{TEAPOT, marti, number, read_report, report_of, run, stderr};
 

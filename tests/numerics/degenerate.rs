@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::subjects::{Chance, Pieces, Vector, f32s, hits_of, ray, towards};
-use marti::tracer::octree::BuildParameters;
+use trace::tracer::octree::BuildParameters;
 
 /// Cases 21 and 22: triangles without area, be it three points of a line, a vertex twice, or one point, are never
 /// hit, even by rays exactly at them; what lies behind is.

@@ -1,14 +1,14 @@
 //! Scenes of any size, anywhere.
 
 use glam::DVec3;
-use marti::database::verify::Verified;
-use marti::picture::ImageSettings;
-use marti::preparation::{Fallback, view};
-use marti::scene::SceneSource;
-use marti::scene::{Material, Placement, Scene, Sphere};
-use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::primary::PrimaryRays;
-use marti::tracer::ray::Ray;
+use trace::database::verify::Verified;
+use trace::picture::ImageSettings;
+use trace::preparation::{Fallback, view};
+use trace::scene::SceneSource;
+use trace::scene::{Material, Placement, Scene, Sphere};
+use trace::tracer::octree::{BuildParameters, build_database};
+use trace::tracer::primary::PrimaryRays;
+use trace::tracer::ray::Ray;
 
 use crate::images::{add_cube, add_polygon};
 use crate::subjects::{Chance, bits, f32s, hits_of, ray};

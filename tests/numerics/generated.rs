@@ -2,14 +2,14 @@
 //! same cases.
 
 use glam::DVec3;
-use marti::database::verify::Verified;
-use marti::oracle::verify;
-use marti::picture::ImageSettings;
-use marti::scene::{Camera, Cone, Material, Placement, Polygon, Scene, Sphere};
-use marti::tracer::View;
-use marti::tracer::octree::{BuildParameters, build_database};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
+use trace::database::verify::Verified;
+use trace::oracle::verify;
+use trace::picture::ImageSettings;
+use trace::scene::{Camera, Cone, Material, Placement, Polygon, Scene, Sphere};
+use trace::tracer::View;
+use trace::tracer::octree::{BuildParameters, build_database};
 
 /// Rays a scene: through pixels, anywhere, along axes, at edges and vertices, from surfaces.
 const RAYS: u64 = 400;

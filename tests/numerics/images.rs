@@ -2,13 +2,13 @@
 //! ray passes an edge by rounding only.
 
 use glam::DVec3;
-use marti::picture::{AovSet, ImageSettings, Pixels};
-use marti::render::{Kernel, Settings, render};
-use marti::scene::{Camera, Light, Material, Placement, Polygon, Scene, Sphere};
-use marti::tracer::View;
-use marti::tracer::bvh8::Bvh8;
-use marti::tracer::octree::{BuildParameters, build_database};
-use marti::tracer::simd::Simd;
+use trace::picture::{AovSet, ImageSettings, Pixels};
+use trace::render::{Kernel, Settings, render};
+use trace::scene::{Camera, Light, Material, Placement, Polygon, Scene, Sphere};
+use trace::tracer::View;
+use trace::tracer::bvh8::Bvh8;
+use trace::tracer::octree::{BuildParameters, build_database};
+use trace::tracer::simd::Simd;
 
 pub(crate) const SIDE: u32 = 128;
 

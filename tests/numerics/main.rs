@@ -5,6 +5,8 @@
 mod degenerate;
 mod edges;
 mod extremes;
+#[cfg(target_arch = "x86_64")]
+mod floating_point;
 mod generated;
 mod images;
 mod rays;

@@ -1,11 +1,11 @@
 //! Rays that are parallel to something, start on something, or are no rays at all.
 
 use glam::DVec3;
-use marti::database::records::{Cone, Sphere};
-use marti::oracle::ClosedMesh;
-use marti::tracer::hit::Hit;
-use marti::tracer::octree::build_database;
-use marti::tracer::ray::{Ray, Source};
+use trace::database::records::{Cone, Sphere};
+use trace::oracle::ClosedMesh;
+use trace::tracer::hit::Hit;
+use trace::tracer::octree::build_database;
+use trace::tracer::ray::{Ray, Source};
 
 use crate::subjects::{Chance, Pieces, TREES, bits, f32s, hits_of, ray};
 

@@ -1,12 +1,12 @@
 //! The reference scenes as they are, far from the origin, tiny, and huge.
 
 use glam::DVec3;
-use marti::oracle::verify;
-use marti::picture::ImageSettings;
-use marti::preparation::{Fallback, view};
-use marti::scene::Placement;
-use marti::scene::SceneSource;
-use marti::tracer::octree::{BuildParameters, build_database};
+use trace::oracle::verify;
+use trace::picture::ImageSettings;
+use trace::preparation::{Fallback, view};
+use trace::scene::Placement;
+use trace::scene::SceneSource;
+use trace::tracer::octree::{BuildParameters, build_database};
 
 const RAYS: u64 = 3000;
 
@@ -52,7 +52,7 @@ fn a_scene_of_some_ulps_loses_nothing() {
         scene.place(Placement { scale, translation: 1e9 }).expect("it stays finite");
         let image = |_: &_| Ok(ImageSettings::new(100, 100, 0, 0.0).expect("possible"));
         // The scene's own camera may have moved into its target.
-        let camera = marti::scene::Camera {
+        let camera = trace::scene::Camera {
             from: DVec3::splat(1e9 + 1.0),
             at: DVec3::splat(1e9),
             up: DVec3::Z,

@@ -1,8 +1,8 @@
 //! Shadows and lights where rounding could show: no acne, no leak, no radiance that is not finite.
 
 use glam::DVec3;
-use marti::oracle::ClosedMesh;
-use marti::scene::{Light, Material, Scene};
+use trace::oracle::ClosedMesh;
+use trace::scene::{Light, Material, Scene};
 
 use crate::images::{PLACEMENTS, SIDE, add_cube, add_polygon, add_sphere, camera, image, placed};
 

@@ -1,16 +1,16 @@
 //! Small databases in the root's own coordinates, and what every kernel finds in them.
 
 use glam::DVec3;
-use marti::database::compile::compile;
-use marti::database::records::{Cone, Sphere, Surface, Triangle};
-use marti::database::verify::Verified;
-use marti::oracle::{BruteForce, Subject, Verdict};
-use marti::scene::{Material, Scene};
-use marti::tracer::hit::Hit;
-use marti::tracer::octree::{BuildParameters, build};
-use marti::tracer::ray::{Ray, Source};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
+use trace::database::compile::compile;
+use trace::database::records::{Cone, Sphere, Surface, Triangle};
+use trace::database::verify::Verified;
+use trace::oracle::{BruteForce, Subject, Verdict};
+use trace::scene::{Material, Scene};
+use trace::tracer::hit::Hit;
+use trace::tracer::octree::{BuildParameters, build};
+use trace::tracer::ray::{Ray, Source};
 
 pub(crate) type Vector = [f32; 3];
 

@@ -1,14 +1,14 @@
 //! The octree has no say in what is hit.
 
 use glam::DVec3;
-use marti::database::verify::Verified;
-use marti::picture::{AovSet, ImageSettings};
-use marti::render::{Kernel, Settings, render};
-use marti::scene::{Camera, Scene, Sphere};
-use marti::tracer::hit::Hit;
-use marti::tracer::octree::{BuildParameters, build_database, hero::Hero};
-use marti::tracer::slices::Slices;
-use marti::tracer::{TraceStats, View};
+use trace::database::verify::Verified;
+use trace::picture::{AovSet, ImageSettings};
+use trace::render::{Kernel, Settings, render};
+use trace::scene::{Camera, Scene, Sphere};
+use trace::tracer::hit::Hit;
+use trace::tracer::octree::{BuildParameters, build_database, hero::Hero};
+use trace::tracer::slices::Slices;
+use trace::tracer::{TraceStats, View};
 
 use crate::subjects::{Chance, Pieces, TREES, bits, f32s, hits_of, ray};
 
@@ -56,7 +56,7 @@ fn view(scene: &Scene, side: u32) -> View {
 /// nodes. The octree is always built eagerly; lazy building, the case's other half, does not exist.
 #[test]
 fn depth_and_mailbox_do_not_change_the_image() {
-    let mut scene = "teapot:3".parse::<marti::scene::SceneSource>().map(|s| s.load());
+    let mut scene = "teapot:3".parse::<trace::scene::SceneSource>().map(|s| s.load());
     let scene = scene.as_mut().expect("a procedural scene").as_mut().expect("it can be made");
     let view = view(scene, 48);
     let mut images = [(8, 0), (8, 1), (8, 20), (1, 20)].into_iter().flat_map(|(leaf_size, max_depth)| {
@@ -99,10 +99,10 @@ fn nothing_and_a_point() {
 
     let empty = Scene::default();
     for place in [DVec3::ZERO, DVec3::splat(1e9), DVec3::new(-1e-20, 3.0, 1e20)] {
-        let mut point = Scene { materials: vec![marti::scene::Material::WHITE], ..Scene::default() };
+        let mut point = Scene { materials: vec![trace::scene::Material::WHITE], ..Scene::default() };
         point.vertices = vec![place; 3];
         point.polygons =
-            vec![marti::scene::Polygon { first_vertex: 0, vertex_count: 3, first_normal: None, material: 0 }];
+            vec![trace::scene::Polygon { first_vertex: 0, vertex_count: 3, first_normal: None, material: 0 }];
         for scene in [&empty, &point] {
             for tree in TREES {
                 let database = build_database(scene, tree).expect("nothing to build");
@@ -114,7 +114,7 @@ fn nothing_and_a_point() {
     }
     // The smallest sphere there can be is as large as the root.
     let radius = f64::from_bits(1);
-    let mut scene = Scene { materials: vec![marti::scene::Material::WHITE], ..Scene::default() };
+    let mut scene = Scene { materials: vec![trace::scene::Material::WHITE], ..Scene::default() };
     scene.spheres.push(Sphere { centre: DVec3::ZERO, radius, material: 0 });
     for tree in TREES {
         hits_of(&build_database(&scene, tree).expect("one sphere"), &rays);

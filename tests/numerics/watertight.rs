@@ -20,5 +20,5 @@ fn no_ray_escapes_a_closed_mesh() {
     let sum = |what: &str| kernels.iter().map(|kernel| kernel[what].as_u64().expect("a count")).sum::<u64>();
     assert_eq!((sum("rays"), sum("escapes")), (RAYS, 0), "{report:#}");
     let kernels: Vec<_> = kernels.iter().map(|kernel| kernel["kernel"].as_str().expect("a name").to_owned()).collect();
-    assert_eq!(kernels, marti::oracle::Kernel::available().iter().map(ToString::to_string).collect::<Vec<_>>());
+    assert_eq!(kernels, trace::oracle::Kernel::available().iter().map(ToString::to_string).collect::<Vec<_>>());
 }

@@ -1,4 +1,4 @@
-//! The graph of a crate's files: which takes names from which.
+//! The graph of the files of all layers: which takes names from which.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -30,8 +30,9 @@ impl<'a> Imports<'a> {
             let next = path.get(module.len())?;
             let Some(exported) = file.exports.get(next) else { return Some(file) };
             let exported = [&exported[..], &path[module.len() + 1..]].concat();
-            // Another crate's.
-            if exported.first().is_none_or(|first| first != "crate") {
+            // A crate's that is none of the layers.
+            let is_ours = |first: &String| self.files.contains_key(std::slice::from_ref(first));
+            if !exported.first().is_some_and(is_ours) {
                 return Some(file);
             }
             // `pub use self::inner::Thing` of a module that is named as the thing would go on for ever.

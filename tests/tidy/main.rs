@@ -16,8 +16,16 @@ fn project() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every file of the library, in which a parent comes before its children.
-static LIBRARY: LazyLock<Vec<SourceFile>> = LazyLock::new(|| crate_files(project(), Path::new("src/lib.rs")));
+/// The crates of the library, from the ground up: each knows those before it, as the compiler makes sure.
+const LAYERS: [&str; 5] = ["ground", "trace", "machine", "cluster", "program"];
+
+/// Every file of the layers, in which a parent comes before its children.
+static LIBRARY: LazyLock<Vec<SourceFile>> = LazyLock::new(|| {
+    LAYERS
+        .iter()
+        .flat_map(|layer| crate_files(project(), layer, &Path::new("src").join(layer).join("lib.rs")))
+        .collect()
+});
 
 /// Names that a file must not have: `tokio` is all of that crate, `std::fs` that module, `Instant` and `.mul_add` are names from
 /// wherever they come, `println!` is a macro, `scope.spawn` a method of a variable of that name.
@@ -66,7 +74,7 @@ fn code_map(architecture: &str) -> BTreeMap<String, Vec<String>> {
     map
 }
 
-/// Names of modules of the crate that the code map does not allow where they are.
+/// Names of modules of the layers that the code map does not allow where they are.
 fn upward(files: &[SourceFile], map: &BTreeMap<String, Vec<String>>) -> Vec<String> {
     let mut found = Vec::new();
     for file in files {
@@ -75,9 +83,9 @@ fn upward(files: &[SourceFile], map: &BTreeMap<String, Vec<String>>) -> Vec<Stri
             found.push(format!("{}: `{own}` is not in the code map", file.path.display()));
             continue;
         };
-        for name in file.names.iter().filter(|name| name.path[0] == "crate" && name.path.len() > 1) {
-            let other = &name.path[1];
-            let is_module = files.iter().any(|file| file.module.get(1) == Some(other));
+        for name in file.names.iter().filter(|name| LAYERS.contains(&name.path[0].as_str()) && name.path.len() > 1) {
+            let (module, other) = (&name.path[..2], &name.path[1]);
+            let is_module = files.iter().any(|file| file.module.starts_with(module));
             if is_module && other != own && !allowed.contains(other) {
                 found.push(format!("{}:{} names `{name}`", file.path.display(), name.line));
             }
@@ -97,6 +105,17 @@ fn a_module_names_those_that_the_code_map_allows() {
         assert!(exists, "the code map names `{module}`, which is no module");
     }
     let mut order: Vec<&str> = Vec::new();
+    let mut layer = None;
+    for line in architecture.lines() {
+        let heading = LAYERS.iter().find(|layer| line.contains(&format!("**{}**", capitalised(layer))));
+        layer = heading.or(layer);
+        for module in code_map(line).keys() {
+            let folder = Path::new("src").join(layer.expect("a heading before the first row"));
+            let is_there =
+                LIBRARY.iter().any(|file| file.module.get(1) == Some(module) && file.path.starts_with(&folder));
+            assert!(is_there, "the code map has `{module}` in {}, where it is not", folder.display());
+        }
+    }
     // Whatever may be known can be put below: the map itself has no circle.
     while order.len() < map.len() {
         let next = map.iter().find(|(module, known)| {
@@ -105,6 +124,10 @@ fn a_module_names_those_that_the_code_map_allows() {
         });
         order.push(next.unwrap_or_else(|| panic!("the code map has a circle above {order:?}")).0);
     }
+}
+
+fn capitalised(word: &str) -> String {
+    word[..1].to_uppercase() + &word[1..]
 }
 
 #[test]
@@ -118,59 +141,65 @@ fn files_take_names_from_each_other_in_no_circle() {
 fn the_core_is_pure() {
     let impure =
         ["tokio", "mio", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
-    for core in ["src/tracer", "src/oracle", "src/machine", "src/replay/contention"] {
+    for core in ["src/trace/tracer", "src/trace/oracle", "src/machine/hardware", "src/machine/replay/contention"] {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
-        let outer = ["crate::processes", "crate::protocol", "crate::recording", "crate::report", "crate::cli"];
+        let outer =
+            ["cluster::processes", "cluster::protocol", "machine::recording", "cluster::report", "program::cli"];
         forbid(core, &outer, &[], "the core does not know who uses it");
     }
-    forbid("src/tracer", &["crate::machine", "crate::topology"], &[], "the tracer reads through MemoryPort alone");
+    forbid("src/trace/tracer", &["machine", "cluster::topology"], &[], "the tracer reads through MemoryPort alone");
     let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "verify"];
     let models = models.map(|model| format!("model/{model}"));
     for model in models.into_iter().chain(["stream/reads".to_owned(), "stream/captured".to_owned()]) {
         // Next uses are kept in an unnamed temporary file.
         let forbidden = |word: &&str| model != "model/next_use" || *word != "std::fs";
         let impure: Vec<&str> = impure.into_iter().filter(forbidden).collect();
-        let model = format!("src/replay/{model}.rs");
+        let model = format!("src/machine/replay/{model}.rs");
         forbid(&model, &impure, &[], "a model of memories knows no sockets, no clock, no files");
-        forbid(&model, &["crate::processes", "crate::cli"], &[], "a model does not know who uses it");
+        forbid(&model, &["cluster::processes", "program::cli"], &[], "a model does not know who uses it");
     }
 }
 
 #[test]
 fn a_journal_is_bytes_and_a_file() {
-    let outer = ["crate::processes", "crate::protocol", "crate::cli", "std::net", "SystemTime"];
-    forbid("src/journal", &outer, &[], "a journal does not know who appends to it");
+    let outer = ["cluster::processes", "cluster::protocol", "program::cli", "std::net", "SystemTime"];
+    forbid("src/cluster/journal", &outer, &[], "a journal does not know who appends to it");
     forbid(
-        "src/journal",
+        "src/cluster/journal",
         &["std::fs", "Instant"],
-        &["src/journal/writer.rs", "src/journal/tests.rs"],
+        &["src/cluster/journal/writer.rs", "src/cluster/journal/tests.rs"],
         "a reader takes any bytes",
     );
 }
 
 #[test]
 fn keys_are_files_alone() {
-    let outer = ["crate::processes", "crate::protocol", "crate::cli", "tokio", "std::net"];
-    forbid("src/keys", &outer, &[], "keys do not know who uses them");
+    let outer = ["cluster::processes", "cluster::protocol", "program::cli", "tokio", "std::net"];
+    forbid("src/cluster/keys", &outer, &[], "keys do not know who uses them");
 }
 
 #[test]
 fn replays_start_nothing() {
-    let outer = ["crate::processes", "crate::cli", "crate::study", "tokio", "std::net", "SystemTime", "Instant"];
-    forbid("src/replay", &outer, &[], "a replay reads a recording and counts");
+    let outer = ["cluster::processes", "program::cli", "program::study", "tokio", "std::net", "SystemTime", "Instant"];
+    forbid("src/machine/replay", &outer, &[], "a replay reads a recording and counts");
 }
 
 #[test]
 fn faults_are_planned_here_and_carried_out_elsewhere() {
     let impure = ["tokio", "std::net", "std::fs", "std::process", "SystemTime", "Instant", "getrandom", "nix"];
-    forbid("src/chaos", &impure, &[], "a schedule is told the time and what lives");
-    forbid("src/chaos", &["crate::processes", "crate::protocol", "crate::cli"], &[], "a schedule knows no process");
+    forbid("src/cluster/chaos", &impure, &[], "a schedule is told the time and what lives");
+    forbid(
+        "src/cluster/chaos",
+        &["cluster::processes", "cluster::protocol", "program::cli"],
+        &[],
+        "a schedule knows no process",
+    );
 }
 
 #[test]
 fn studies_replay_and_start_nothing() {
-    let outer = ["crate::processes", "crate::cli", "std::net", "SystemTime", "Instant"];
-    forbid("src/study", &outer, &[], "a study is a function of its scenes");
+    let outer = ["cluster::processes", "program::cli", "std::net", "SystemTime", "Instant"];
+    forbid("src/program/study", &outer, &[], "a study is a function of its scenes");
 }
 
 /// Files that pages and ARCHITECTURE.md name in full.
@@ -195,39 +224,49 @@ fn no_process_imports_another() {
         let others: Vec<String> = processes
             .into_iter()
             .filter(|other| *other != process)
-            .map(|other| format!("crate::processes::{other}"))
+            .map(|other| format!("cluster::processes::{other}"))
             .collect();
         let others: Vec<&str> = others.iter().map(String::as_str).collect();
-        forbid(&format!("src/processes/{process}"), &others, &[], "processes share meaning through protocol alone");
+        forbid(
+            &format!("src/cluster/processes/{process}"),
+            &others,
+            &[],
+            "processes share meaning through protocol alone",
+        );
     }
 }
 
 #[test]
 fn the_simulation_has_no_clock_and_nobody_knows_of_it() {
     let real = ["tokio", "mio", "TcpStream", "Instant", "SystemTime", "std::fs", "std::thread", "std::process"];
-    forbid("src/processes/simulation", &real, &[], "time, network and processes of a simulation are numbers");
+    forbid("src/cluster/processes/simulation", &real, &[], "time, network and processes of a simulation are numbers");
     forbid(
         "src",
-        &["crate::processes::simulation"],
-        &["src/processes/simulation"],
+        &["cluster::processes::simulation"],
+        &["src/cluster/processes/simulation"],
         "a process does not know who rehearses it",
     );
 }
 
 #[test]
 fn each_foreign_thing_has_its_place() {
-    forbid("src", &["bincode"], &["src/protocol/frame.rs"], "the wire codec is named in one file");
-    forbid("src", &["tokio"], &["src/protocol", "src/processes"], "only protocol, processes and bin are async");
-    forbid("src", &["arrow_"], &["src/recording"], "only recordings are Arrow");
+    forbid("src", &["bincode"], &["src/cluster/protocol/frame.rs"], "the wire codec is named in one file");
+    forbid(
+        "src",
+        &["tokio"],
+        &["src/cluster/protocol", "src/cluster/processes"],
+        "only protocol, processes and bin are async",
+    );
+    forbid("src", &["arrow_"], &["src/machine/recording"], "only recordings are Arrow");
     forbid(
         "src",
         &["rustls"],
-        &["src/protocol/connection", "src/keys"],
+        &["src/cluster/protocol/connection", "src/cluster/keys"],
         "only connections speak TLS, only keys are certified",
     );
-    forbid("src", &["rcgen"], &["src/keys"], "certificates are made in one folder");
-    forbid("src", &["toml"], &["src/topology"], "only topologies are TOML");
-    forbid("src", &["plotters"], &["src/study/plot.rs"], "charts are drawn in one file");
+    forbid("src", &["rcgen"], &["src/cluster/keys"], "certificates are made in one folder");
+    forbid("src", &["toml"], &["src/cluster/topology"], "only topologies are TOML");
+    forbid("src", &["plotters"], &["src/program/study/plot.rs"], "charts are drawn in one file");
     forbid("src", &[".mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
 }
 
@@ -239,7 +278,7 @@ fn nothing_panics_where_standard_error_a_thread_or_a_descriptor_is_missing() {
     let words: Vec<&str> = panicking.into_iter().chain(threads).collect();
     let why = "it may panic";
     forbid("src", &words, &[], why);
-    forbid("src", &[".new_current_thread"], &["src/processes/event_queue.rs"], why);
+    forbid("src", &[".new_current_thread"], &["src/cluster/processes/event_queue.rs"], why);
     for program in programs() {
         let found = breaches(&[program], "bin", &words, &[]);
         assert!(found.is_empty(), "{why}: {found:?}");
@@ -250,7 +289,7 @@ fn nothing_panics_where_standard_error_a_thread_or_a_descriptor_is_missing() {
 fn programs() -> Vec<SourceFile> {
     let entries = fs::read_dir(project().join("bin")).expect("a readable folder").map(|entry| entry.expect("an entry"));
     let paths = entries.map(|entry| Path::new("bin").join(entry.file_name()));
-    paths.map(|path| crate_files(project(), &path).remove(0)).collect()
+    paths.map(|path| crate_files(project(), "program", &path).remove(0)).collect()
 }
 
 #[test]

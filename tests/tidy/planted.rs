@@ -7,18 +7,21 @@ use crate::imports::{Imports, cycles};
 use crate::source::{SourceFile, parse};
 use crate::{breaches, upward};
 
-/// A file of a library, as `src/machine/bus.rs` is.
+/// A file of a library, as `src/machine/hardware/bus.rs` is.
 fn file(path: &str, text: &str) -> SourceFile {
     let module = path.trim_start_matches("src/").trim_end_matches(".rs").trim_end_matches("/mod");
-    let module = ["crate"].into_iter().chain(module.split('/')).map(str::to_owned).collect();
+    let module = module.split('/').map(str::to_owned).collect();
     parse(text, PathBuf::from(path), module).0
 }
 
 /// Two modules of which `scene` may know nothing, and `tracer` the scene.
 fn found(path: &str, text: &str) -> Vec<String> {
     let map = BTreeMap::from([("scene".to_owned(), vec![]), ("tracer".to_owned(), vec!["scene".to_owned()])]);
-    let other =
-        if path.starts_with("src/scene") { file("src/tracer/mod.rs", "") } else { file("src/scene/mod.rs", "") };
+    let other = if path.starts_with("src/trace/scene") {
+        file("src/trace/tracer/mod.rs", "")
+    } else {
+        file("src/trace/scene/mod.rs", "")
+    };
     upward(&[file(path, text), other], &map)
 }
 
@@ -28,6 +31,7 @@ fn an_upward_import_is_found_however_it_is_written() {
         "use crate::tracer::Ray;",
         "use crate::{ids, tracer::{hit, Ray as Beam}};",
         "pub use crate::tracer;",
+        "use trace::tracer::Ray;",
         "use super::super::tracer::Ray;",
         "mod inner { use super::super::super::tracer::Ray; }",
         "fn shoot() -> crate::tracer::Ray { todo!() }",
@@ -38,10 +42,10 @@ fn an_upward_import_is_found_however_it_is_written() {
         "#[cfg(test)]\nmod tests { fn fine() {} }\nuse crate::tracer::Ray;",
         "#[cfg(not(test))]\nuse crate::tracer::Ray;",
     ] {
-        let found = found("src/scene/nff.rs", breach);
+        let found = found("src/trace/scene/nff.rs", breach);
         let line = breach.lines().count();
         assert!(
-            found.iter().any(|what| what.starts_with(&format!("src/scene/nff.rs:{line} names `crate::tracer"))),
+            found.iter().any(|what| what.starts_with(&format!("src/trace/scene/nff.rs:{line} names `trace::tracer"))),
             "{breach}: {found:?}"
         );
     }
@@ -50,7 +54,7 @@ fn an_upward_import_is_found_however_it_is_written() {
 #[test]
 fn what_is_allowed_or_a_test_s_is_not_reported() {
     assert_eq!(
-        found("src/tracer/hit.rs", "use crate::scene::Scene; use super::ray; use std::fmt;"),
+        found("src/trace/tracer/hit.rs", "use crate::scene::Scene; use super::ray; use std::fmt;"),
         Vec::<String>::new()
     );
     for fine in [
@@ -60,10 +64,10 @@ fn what_is_allowed_or_a_test_s_is_not_reported() {
         "struct S; impl S { #[cfg(test)] fn one() -> crate::tracer::Ray { todo!() } }",
         "// use crate::tracer::Ray;\nconst TEXT: &str = \"crate::tracer::Ray\";",
     ] {
-        assert_eq!(found("src/scene/nff.rs", fine), Vec::<String>::new(), "{fine}");
+        assert_eq!(found("src/trace/scene/nff.rs", fine), Vec::<String>::new(), "{fine}");
     }
-    let unknown = upward(&[file("src/attic.rs", "")], &BTreeMap::new());
-    assert_eq!(unknown, ["src/attic.rs: `attic` is not in the code map"]);
+    let unknown = upward(&[file("src/trace/attic.rs", "")], &BTreeMap::new());
+    assert_eq!(unknown, ["src/trace/attic.rs: `attic` is not in the code map"]);
 }
 
 #[test]
@@ -78,10 +82,13 @@ fn what_a_pure_module_must_not_name_is_found() {
         ("fn fused(a: f64) -> f64 { a.mul_add(a, a) }", ".mul_add"),
         ("fn fused(a: f64) -> f64 { f64::mul_add(a, a, a) }", ".mul_add"),
     ] {
-        let files = [file("src/tracer/hit.rs", breach)];
-        assert_eq!(breaches(&files, "src/tracer", &[word], &[]).len(), 1, "{breach}");
-        assert!(breaches(&files, "src/tracer", &[word], &["src/tracer/hit.rs"]).is_empty(), "{breach}: excepted");
-        assert!(breaches(&files, "src/scene", &[word], &[]).is_empty(), "{breach}: elsewhere");
+        let files = [file("src/trace/tracer/hit.rs", breach)];
+        assert_eq!(breaches(&files, "src/trace/tracer", &[word], &[]).len(), 1, "{breach}");
+        assert!(
+            breaches(&files, "src/trace/tracer", &[word], &["src/trace/tracer/hit.rs"]).is_empty(),
+            "{breach}: excepted"
+        );
+        assert!(breaches(&files, "src/trace/scene", &[word], &[]).is_empty(), "{breach}: elsewhere");
     }
 }
 
@@ -90,8 +97,12 @@ fn a_process_that_imports_another_is_found() {
     for breach in
         ["use super::bus;", "use super::bus::State;", "use crate::processes::bus;", "fn f() { super::bus::run() }"]
     {
-        let files = [file("src/processes/node/mod.rs", breach)];
-        assert_eq!(breaches(&files, "src/processes/node", &["crate::processes::bus"], &[]).len(), 1, "{breach}");
+        let files = [file("src/cluster/processes/node/mod.rs", breach)];
+        assert_eq!(
+            breaches(&files, "src/cluster/processes/node", &["cluster::processes::bus"], &[]).len(),
+            1,
+            "{breach}"
+        );
     }
 }
 
@@ -104,13 +115,13 @@ fn circles_of_files_are_found_through_re_exports_and_not_between_a_module_and_it
     let root = "mod disc; mod ring; pub use disc::Disc; pub use ring::Ring;";
     let files = |disc: &str, ring: &str| {
         [
-            file("src/mod.rs", "mod shapes;"),
-            file("src/shapes/mod.rs", root),
-            file("src/shapes/disc.rs", disc),
-            file("src/shapes/ring.rs", ring),
+            file("src/trace.rs", "mod shapes;"),
+            file("src/trace/shapes/mod.rs", root),
+            file("src/trace/shapes/disc.rs", disc),
+            file("src/trace/shapes/ring.rs", ring),
         ]
     };
-    let both = vec![vec![PathBuf::from("src/shapes/disc.rs"), PathBuf::from("src/shapes/ring.rs")]];
+    let both = vec![vec![PathBuf::from("src/trace/shapes/disc.rs"), PathBuf::from("src/trace/shapes/ring.rs")]];
     for (disc, ring) in [
         ("use super::ring::Ring;", "use super::disc::Disc;"),
         ("use super::Ring;", "use crate::shapes::Disc;"),

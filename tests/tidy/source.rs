@@ -11,7 +11,7 @@ use syn::visit::{self, Visit};
 /// A name in the code: the path of a module or of an item in it, and where it is written.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Name {
-    /// Absolute. The first part is `crate`, or the name of another crate, of a local item or of something imported.
+    /// Absolute. The first part is the name of its own layer, of another crate, of a local item or of something imported.
     pub(crate) path: Vec<String>,
     pub(crate) line: usize,
 }
@@ -35,7 +35,7 @@ impl fmt::Display for Name {
 pub(crate) struct SourceFile {
     /// From the project's root.
     pub(crate) path: PathBuf,
-    /// Its module, from `crate` on.
+    /// Its module, from its layer on.
     pub(crate) module: Vec<String>,
     pub(crate) names: Vec<Name>,
     /// Every single name in the code, macros with `!`, and methods of variables, as in `scope.spawn`.
@@ -46,10 +46,10 @@ pub(crate) struct SourceFile {
     pub(crate) lines: usize,
 }
 
-/// All files of a crate whose root file is `root` (`src/lib.rs`), and what its test modules are is left out.
-pub(crate) fn crate_files(project: &Path, root: &Path) -> Vec<SourceFile> {
+/// All files of the crate `name` whose root file is `root` (`src/trace/lib.rs`); what its test modules are is left out.
+pub(crate) fn crate_files(project: &Path, name: &str, root: &Path) -> Vec<SourceFile> {
     let mut files = Vec::new();
-    read(project, root, vec!["crate".to_owned()], &mut files);
+    read(project, root, vec![name.to_owned()], &mut files);
     files
 }
 
@@ -133,7 +133,7 @@ impl Reader {
     fn absolute(&self, path: Vec<String>) -> Vec<String> {
         let mut base = self.module.clone();
         match path.first().map(String::as_str) {
-            Some("crate") => return path,
+            Some("crate") => return [&self.module[..1], &path[1..]].concat(),
             Some("self" | "super") => {}
             _ => return path,
         }

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use marti::database::Section;
-use marti::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
-use marti::journal::{Journal, Record, Subject};
-use marti::picture::{AovSet, Sides, Tiling};
-use marti::scene::load;
-use marti::tracer::octree::{BuildParameters, build_database};
+use trace::database::Section;
+use ground::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
+use cluster::journal::{Journal, Record, Subject};
+use trace::picture::{AovSet, Sides, Tiling};
+use trace::scene::load;
+use trace::tracer::octree::{BuildParameters, build_database};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -109,7 +109,7 @@ impl Seeds<'_> {
         }
         let read = |name: &str| fs::read(out.join("recording").join(name));
         self.put("bus_log", "run", &[&read("bus.json")?, &[0], &read("bus.arrows")?])?;
-        let stream = marti::recording::references::file_name(NodeId(0), Epoch(0));
+        let stream = machine::recording::references::file_name(NodeId(0), Epoch(0));
         self.put("references", "run", &[&read("references.json")?, &[0], &read(&stream)?])?;
         self.put("report", "run", &[&fs::read(out.join("report.json"))?])
     }

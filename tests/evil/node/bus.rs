@@ -1,8 +1,8 @@
 //! What a node asks of the bus that it should not.
 
-use marti::database::Section;
-use marti::ids::{Address, Attempt, TileId};
-use marti::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
+use cluster::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
+use ground::ids::{Address, Attempt, TileId};
+use trace::database::Section;
 
 use super::ground::Ground;
 use super::{Outcome, deed};

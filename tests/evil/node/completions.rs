@@ -2,10 +2,10 @@
 
 use std::process;
 
-use marti::ids::{Attempt, TileId};
-use marti::processes::node::tiles::Job;
-use marti::protocol::mac::Mac;
-use marti::protocol::work::TileDone;
+use cluster::processes::node::tiles::Job;
+use cluster::protocol::mac::Mac;
+use cluster::protocol::work::TileDone;
+use ground::ids::{Attempt, TileId};
 use tokio::time::Instant;
 
 use super::mode::Mode;

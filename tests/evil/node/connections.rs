@@ -3,14 +3,14 @@
 use std::io::Write;
 use std::time::Duration;
 
-use marti::ids::{Attempt, Epoch, NodeId, TileId};
-use marti::protocol::control::NodeCommand;
-use marti::protocol::frame;
-use marti::protocol::hello::{HelloReply, Role};
-use marti::protocol::image::TilePixels;
-use marti::protocol::mac::Mac;
-use marti::protocol::memory::MemoryRequest;
-use marti::protocol::work::{WorkReply, WorkRequest};
+use cluster::protocol::control::NodeCommand;
+use cluster::protocol::frame;
+use cluster::protocol::hello::{HelloReply, Role};
+use cluster::protocol::image::TilePixels;
+use cluster::protocol::mac::Mac;
+use cluster::protocol::memory::MemoryRequest;
+use cluster::protocol::work::{WorkReply, WorkRequest};
+use ground::ids::{Attempt, Epoch, NodeId, TileId};
 use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use tokio::time::{sleep, timeout};
 

@@ -3,13 +3,13 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use marti::ids::Epoch;
-use marti::processes::{Child, ControlLink};
-use marti::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, Socket, connect};
-use marti::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
-use marti::protocol::frame::Message;
-use marti::protocol::hello::Role;
-use marti::pulse::Pulse;
+use cluster::processes::{Child, ControlLink};
+use cluster::protocol::connection::{Connection, ConnectionError, Introduction, Receiver, Sender, Socket, connect};
+use cluster::protocol::control::{NodeCommand, NodeConfiguration, NodeReport};
+use cluster::protocol::frame::Message;
+use cluster::protocol::hello::Role;
+use ground::ids::Epoch;
+use ground::pulse::Pulse;
 
 use super::Outcome;
 use super::mode::Mode;

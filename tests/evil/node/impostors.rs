@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use marti::ids::{Address, Attempt, Epoch, NodeId, TileId};
-use marti::machine::transaction::JOB_BYTES;
-use marti::protocol::hello::Role;
-use marti::protocol::memory::{MemoryReply, MemoryRequest};
-use marti::protocol::work::{WorkReply, WorkRequest};
+use cluster::protocol::hello::Role;
+use cluster::protocol::memory::{MemoryReply, MemoryRequest};
+use cluster::protocol::work::{WorkReply, WorkRequest};
+use ground::ids::{Address, Attempt, Epoch, NodeId, TileId};
+use machine::hardware::transaction::JOB_BYTES;
 use tokio::time::sleep;
 
 use super::ground::Ground;

@@ -18,11 +18,11 @@ use std::env;
 use std::error::Error;
 use std::process::ExitCode;
 
+use ::ground::ids::NodeId;
 use clap::{Parser, ValueEnum};
-use marti::cli::program::JoinArguments;
-use marti::ids::NodeId;
-use marti::processes::{Child, node as true_node};
-use marti::protocol::hello::Role;
+use cluster::processes::{Child, node as true_node};
+use cluster::protocol::hello::Role;
+use program::cli::entry::JoinArguments;
 
 use self::ground::Ground;
 use self::mode::Mode;

@@ -1,12 +1,12 @@
 //! Messages of the kinds that modes forge.
 
-use marti::ids::{Attempt, TileId};
-use marti::machine::stats::MemoryStats;
-use marti::picture::{AovSet, Pixels, Tiling};
-use marti::protocol::image::TilePixels;
-use marti::protocol::mac::Mac;
-use marti::protocol::work::{TileDone, WorkRequest};
-use marti::tracer::TraceStats;
+use cluster::protocol::image::TilePixels;
+use cluster::protocol::mac::Mac;
+use cluster::protocol::work::{TileDone, WorkRequest};
+use ground::ids::{Attempt, TileId};
+use machine::hardware::stats::MemoryStats;
+use trace::picture::{AovSet, Pixels, Tiling};
+use trace::tracer::TraceStats;
 
 /// Whatever the planes are.
 pub(crate) fn pixels(tile: TileId, attempt: Attempt, permit: Mac, planes: &[u8]) -> TilePixels {

@@ -2,15 +2,15 @@
 
 use std::collections::HashMap;
 
-use marti::ids::{Attempt, TileId};
-use marti::processes::node::tiles::{Job, Traced};
-use marti::processes::node::tracer_thread::{FromTracer, Tracer};
-use marti::protocol::connection::{Receiver, Sender};
-use marti::protocol::control::{NodeCommand, NodeReport};
-use marti::protocol::hello::Role;
-use marti::protocol::image::{ImageReply, TilePixels};
-use marti::protocol::mac::Mac;
-use marti::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
+use cluster::processes::node::tiles::{Job, Traced};
+use cluster::processes::node::tracer_thread::{FromTracer, Tracer};
+use cluster::protocol::connection::{Receiver, Sender};
+use cluster::protocol::control::{NodeCommand, NodeReport};
+use cluster::protocol::hello::Role;
+use cluster::protocol::image::{ImageReply, TilePixels};
+use cluster::protocol::mac::Mac;
+use cluster::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
+use ground::ids::{Attempt, TileId};
 
 use tokio::time::Instant;
 

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use marti::ids::{Attempt, TileId};
-use marti::picture::Pixels;
-use marti::processes::node::tiles::Traced;
-use marti::protocol::image::TilePixels;
-use marti::protocol::mac::Mac;
+use cluster::processes::node::tiles::Traced;
+use cluster::protocol::image::TilePixels;
+use cluster::protocol::mac::Mac;
+use ground::ids::{Attempt, TileId};
 use tokio::time::{Instant, sleep_until};
+use trace::picture::Pixels;
 
 use super::ground::Ground;
 use super::mode::Mode;

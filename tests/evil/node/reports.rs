@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use marti::ids::{Attempt, TileId};
-use marti::processes::Child;
-use marti::protocol::connection::connect;
-use marti::protocol::control::{NodeCommand, NodeReport, Packets};
-use marti::protocol::hello::Role;
-use marti::protocol::work::WorkRequest;
-use marti::tracer::simd::Simd;
+use cluster::processes::Child;
+use cluster::protocol::connection::connect;
+use cluster::protocol::control::{NodeCommand, NodeReport, Packets};
+use cluster::protocol::hello::Role;
+use cluster::protocol::work::WorkRequest;
+use ground::ids::{Attempt, TileId};
 use tokio::time::sleep;
+use trace::tracer::simd::Simd;
 
 use super::ground::Ground;
 use super::{Outcome, deed, messages};

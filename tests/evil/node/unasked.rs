@@ -1,12 +1,12 @@
 //! Pixels and completions of tiles that were not handed to this node.
 
-use marti::ids::{Attempt, TileId};
-use marti::protocol::connection::{Connection, Receiver};
-use marti::protocol::frame::Message;
-use marti::protocol::hello::Role;
-use marti::protocol::image::{ImageReply, TilePixels};
-use marti::protocol::mac::Mac;
-use marti::protocol::work::{WorkReply, WorkRequest};
+use cluster::protocol::connection::{Connection, Receiver};
+use cluster::protocol::frame::Message;
+use cluster::protocol::hello::Role;
+use cluster::protocol::image::{ImageReply, TilePixels};
+use cluster::protocol::mac::Mac;
+use cluster::protocol::work::{WorkReply, WorkRequest};
+use ground::ids::{Attempt, TileId};
 
 use super::ground::Ground;
 use super::{Outcome, deed, messages};

@@ -1,0 +1,144 @@
+//! A topology file: read as written in [`mod@file`], proven into a [`Topology`]. Nothing after it checks again.
+
+mod document;
+pub mod file;
+pub mod host;
+pub mod host_file;
+pub mod overrides;
+pub mod placement;
+mod prove;
+mod prove_hosts;
+mod read;
+pub mod recorded;
+pub mod schema;
+pub mod value;
+mod write;
+
+use std::time::Duration;
+
+use glam::DVec3;
+
+pub use host::{Host, Launch};
+pub use overrides::Override;
+pub use placement::Placement;
+
+use machine::hardware::specification::Cluster;
+use machine::tile_order::{Assignment, TileOrder};
+use trace::picture::{ImageSettings, Sides, Tiling, TilingError};
+use trace::preparation::{self, Fallback, PreparationError, Prepared};
+use trace::scene::{Camera, Light, SceneSource};
+use trace::tracer::octree::Octree;
+
+/// A proven topology: every value is within its range, every combination possible.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Topology {
+    /// The file's stem; names the output folder.
+    pub name: String,
+    pub scene: SceneSource,
+    /// For scenes without one of their own; it does not override the file's.
+    pub camera: Option<Camera>,
+    /// For scenes without lights of their own.
+    pub lights: Vec<Light>,
+    pub background: Option<DVec3>,
+    pub image: Image,
+    pub octree: Octree,
+    pub cluster: Cluster,
+    /// The first is the manager's own; empty: everything is there, on the loopback interface.
+    pub hosts: Vec<Host>,
+    pub run: Run,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// `None`: the scene file's resolution, else 512.
+    pub width: Option<u32>,
+    pub height: Option<u32>,
+    /// Pixels, at most the image.
+    pub tile: (u32, u32),
+    pub depth: u32,
+    pub cutoff: f32,
+}
+
+impl Image {
+    /// Checks the tile against what is known of the image's sides.
+    fn check_tile(&self, width: Option<u32>, height: Option<u32>) -> Result<(), String> {
+        let (tile_width, tile_height) = self.tile;
+        let (width_max, height_max) =
+            (width.unwrap_or(ImageSettings::SIDE_MAX), height.unwrap_or(ImageSettings::SIDE_MAX));
+        if tile_width > width_max || tile_height > height_max {
+            return Err(format!(
+                "image.tile is {tile_width}x{tile_height} pixels, expected at most the image's {width_max}x{height_max}"
+            ));
+        }
+        if let (Some(width), Some(height)) = (width, height) {
+            self.tiling(width, height).map(drop)?;
+        }
+        Ok(())
+    }
+
+    /// The tiles of an image of these sides.
+    ///
+    /// # Errors
+    /// There would be too many.
+    pub fn tiling(&self, width: u32, height: u32) -> Result<Tiling, String> {
+        let (tile_width, tile_height) = self.tile;
+        Tiling::try_from(Sides { width, height, tile_width, tile_height }).map_err(|error| match error {
+            TilingError::TooManyTiles { tiles, .. } => format!(
+                "image.tile is {tile_width}x{tile_height} pixels, which makes {tiles} tiles, expected at most {}",
+                Tiling::TILES_MAX
+            ),
+            error @ TilingError::Side { .. } => error.to_string(),
+        })
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Run {
+    pub order: TileOrder,
+    pub assignment: Assignment,
+    /// Seeds random replacement, random tile order, and the choice of tiles that are verified.
+    pub seed: u64,
+    /// Share of the tiles that is rendered twice, by different nodes, and compared, 0 to 1.
+    pub verify: f64,
+    pub deadlines: Deadlines,
+}
+
+/// How long to wait before a silent process counts as dead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Deadlines {
+    /// From spawning a process until it is connected and configured.
+    pub startup: Duration,
+    /// Between two signs of life on a control connection.
+    pub heartbeat: Duration,
+    /// From a tile's issue to its acknowledgement.
+    pub tile: Duration,
+    /// For somebody to join who takes a place on an external host.
+    pub join: Duration,
+}
+
+impl Topology {
+    /// Which host holds which process.
+    pub fn placement(&self) -> Placement {
+        Placement::new(&self.hosts, &self.cluster)
+    }
+
+    /// Reads its scene and builds its database.
+    ///
+    /// # Errors
+    /// The scene cannot be read or is too large, or the image settings do not fit its resolution.
+    pub fn prepare(&self) -> Result<Prepared, PreparationError> {
+        let fallback = Fallback { camera: self.camera, lights: self.lights.clone(), background: self.background };
+        preparation::prepare(&self.scene, self.octree, &fallback, |camera| self.image_settings(camera))
+    }
+
+    /// The image settings, once the scene's own resolution is known.
+    ///
+    /// # Errors
+    /// The tile is larger than the image, or too small for it.
+    pub fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
+        let (width, height) = camera.resolution.unwrap_or((512, 512));
+        let (width, height) = (self.image.width.unwrap_or(width), self.image.height.unwrap_or(height));
+        self.image.check_tile(Some(width), Some(height))?;
+        ImageSettings::new(width, height, self.image.depth, self.image.cutoff).map_err(|error| error.to_string())
+    }
+}

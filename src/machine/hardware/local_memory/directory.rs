@@ -1,0 +1,152 @@
+//! Which line is in which slot: tags and replacement, without data.
+
+use super::Geometry;
+use crate::hardware::replacement::Replacement;
+
+/// The tags of a local memory. Given the same references it decides the same hits and victims whether or
+/// not data stand behind it.
+#[derive(Debug)]
+pub struct Directory<R> {
+    geometry: Geometry,
+    seed: u64,
+    /// By line of the image: its slot plus one, or 0 where it is absent. Fresh zeroed pages cost nothing until
+    /// they are touched, so that a large image costs a node only the part it reads.
+    slots: Vec<u32>,
+    /// By slot: the line in it, if it is filled.
+    lines: Vec<u32>,
+    /// By set: how many of its slots are filled; these are its first ones.
+    filled: Vec<u32>,
+    replacement: R,
+}
+
+/// What became of a reference to a line.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Reference {
+    Hit {
+        slot: u32,
+    },
+    /// The line has its slot now; the line that was there, if any, is gone.
+    Miss {
+        slot: u32,
+        evicted: Option<u32>,
+    },
+}
+
+impl<R: Replacement> Directory<R> {
+    /// An empty memory; `seed` decides random replacement.
+    pub fn new(geometry: Geometry, seed: u64) -> Self {
+        Self {
+            geometry,
+            seed,
+            slots: vec![0; geometry.image_lines as usize],
+            lines: vec![0; geometry.lines() as usize],
+            filled: vec![0; geometry.sets as usize],
+            replacement: R::new(geometry.sets, geometry.ways, seed),
+        }
+    }
+
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// References a line, and gives it a slot if it has none.
+    ///
+    /// # Panics
+    /// `line` is not below the geometry's `image_lines`.
+    #[inline(always)]
+    pub fn reference(&mut self, line: u32) -> Reference {
+        let Some(slot) = self.slot(line) else { return self.fill(line, line % self.geometry.sets) };
+        self.hit(slot);
+        Reference::Hit { slot }
+    }
+
+    /// The slot of a line that is in the memory. What is read there is a reference: [`Self::hit`] is to follow.
+    ///
+    /// # Panics
+    /// `line` is not below the geometry's `image_lines`.
+    #[inline(always)]
+    pub fn slot(&self, line: u32) -> Option<u32> {
+        self.slots[line as usize].checked_sub(1)
+    }
+
+    /// References the line that is in this slot.
+    #[inline(always)]
+    pub fn hit(&mut self, slot: u32) {
+        self.replacement.hit(slot);
+    }
+
+    /// Gives a line that is not in the memory a slot of this set, which is the line's own.
+    #[inline(always)]
+    pub fn miss(&mut self, line: u32, set: u32) {
+        self.fill(line, set);
+    }
+
+    /// Whether this slot holds this line.
+    pub fn holds(&self, slot: u32, line: u32) -> bool {
+        self.slots[line as usize] == slot + 1
+    }
+
+    /// Empties the memory; it is as new.
+    pub fn clear(&mut self) {
+        *self = Self::new(self.geometry, self.seed);
+    }
+
+    #[inline(never)]
+    fn fill(&mut self, line: u32, set: u32) -> Reference {
+        let filled = &mut self.filled[set as usize];
+        let (slot, evicted) = if *filled < self.geometry.ways {
+            *filled += 1;
+            (set * self.geometry.ways + *filled - 1, None)
+        } else {
+            let slot = self.replacement.victim(set);
+            let evicted = self.lines[slot as usize];
+            self.slots[evicted as usize] = 0;
+            (slot, Some(evicted))
+        };
+        self.lines[slot as usize] = line;
+        self.slots[line as usize] = slot + 1;
+        self.replacement.fill(slot);
+        Reference::Miss { slot, evicted }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hardware::replacement::{Fifo, Lru};
+
+    #[test]
+    fn lines_go_to_the_slots_of_their_set() {
+        // Three sets of two ways; lines 1, 4, 7 and 10 belong to set 1, whose slots are 2 and 3.
+        let mut directory = Directory::<Fifo>::new(Geometry { line_bytes: 16, image_lines: 12, sets: 3, ways: 2 }, 0);
+        assert_eq!(directory.reference(1), Reference::Miss { slot: 2, evicted: None });
+        assert_eq!(directory.reference(4), Reference::Miss { slot: 3, evicted: None });
+        assert_eq!(directory.reference(1), Reference::Hit { slot: 2 });
+        assert_eq!(directory.reference(7), Reference::Miss { slot: 2, evicted: Some(1) });
+        assert_eq!(directory.reference(10), Reference::Miss { slot: 3, evicted: Some(4) });
+        assert_eq!(directory.reference(11), Reference::Miss { slot: 4, evicted: None });
+        assert!(directory.holds(2, 7) && !directory.holds(2, 1) && !directory.holds(3, 7));
+    }
+
+    #[test]
+    fn an_absent_line_is_not_brought_in_by_asking() {
+        let geometry = Geometry { line_bytes: 16, image_lines: 4, sets: 1, ways: 2 };
+        let mut directory = Directory::<Lru>::new(geometry, 0);
+        assert_eq!(directory.slot(3), None);
+        assert_eq!(directory.reference(3), Reference::Miss { slot: 0, evicted: None });
+        assert_eq!(directory.reference(0), Reference::Miss { slot: 1, evicted: None });
+        assert_eq!(directory.slot(3), Some(0));
+        directory.hit(0);
+        assert_eq!(directory.reference(1), Reference::Miss { slot: 1, evicted: Some(0) });
+    }
+
+    #[test]
+    fn cleared_it_is_as_new() {
+        let geometry = Geometry { line_bytes: 16, image_lines: 8, sets: 2, ways: 2 };
+        let mut directory = Directory::<Lru>::new(geometry, 0);
+        let run = |directory: &mut Directory<Lru>| [0, 2, 4, 1, 0].map(|line| directory.reference(line));
+        let first = run(&mut directory);
+        directory.clear();
+        assert_eq!(run(&mut directory), first);
+    }
+}

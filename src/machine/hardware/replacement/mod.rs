@@ -1,0 +1,134 @@
+//! Which line of a full set gives way. A hit is O(1); a victim is too,
+//! amortised over references, but for LRU's logarithm.
+
+mod clock;
+mod fifo;
+mod lru;
+mod random;
+
+pub use clock::Clock;
+pub use fifo::Fifo;
+pub use lru::Lru;
+pub use random::Random;
+
+/// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
+/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
+pub trait Replacement {
+    /// For `sets` sets of `ways` slots, none filled; `seed` decides what is random.
+    fn new(sets: u32, ways: u32, seed: u64) -> Self;
+
+    /// The line in `slot` was referenced.
+    fn hit(&mut self, slot: u32);
+
+    /// The slot of a full set whose line gives way. [`Self::fill`] of the same slot follows.
+    fn victim(&mut self, set: u32) -> u32;
+
+    /// A line was placed in `slot`, which was empty or the victim.
+    fn fill(&mut self, slot: u32);
+}
+
+/// Evaluates an expression in which `$policy` names the type of the policy that a specification asks for: compiled once
+/// for each of them.
+#[macro_export]
+macro_rules! with_policy {
+    ($specification:expr, $policy:ident => $body:expr) => {
+        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random)
+    };
+    (@match $specification:expr, $policy:ident => $body:expr; $($name:ident),+) => {
+        match $specification {
+            $($crate::hardware::specification::Replacement::$name => {
+                type $policy = $crate::hardware::replacement::$name;
+                $body
+            })+
+        }
+    };
+}
+
+pub use with_policy;
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::hardware::local_memory::{Directory, Geometry, Reference};
+
+    /// Belady's string, on which FIFO misses more with four frames than with three.
+    const BELADY: [u32; 12] = [1, 2, 3, 4, 1, 2, 5, 1, 2, 3, 4, 5];
+    /// From Stallings, *Operating Systems*, the comparison of page replacement algorithms: on three frames
+    /// LRU has 4 faults after the first three, clock 5, FIFO 6.
+    const STALLINGS: [u32; 12] = [2, 3, 2, 1, 5, 2, 4, 5, 3, 2, 5, 2];
+
+    pub(super) fn geometry(sets: u32, ways: u32) -> Geometry {
+        Geometry { line_bytes: 16, image_lines: 64, sets, ways }
+    }
+
+    /// Per reference whether it missed.
+    pub(super) fn misses<R: Replacement>(sets: u32, ways: u32, references: &[u32]) -> Vec<bool> {
+        let mut directory = Directory::<R>::new(geometry(sets, ways), 1);
+        references.iter().map(|&line| matches!(directory.reference(line), Reference::Miss { .. })).collect()
+    }
+
+    fn count<R: Replacement>(ways: u32, references: &[u32]) -> usize {
+        misses::<R>(1, ways, references).into_iter().filter(|&miss| miss).count()
+    }
+
+    /// Misses of sets that are lists of resident lines: the first is the victim, and `renew` says whether a
+    /// hit moves its line to the end.
+    pub(super) fn model(sets: u32, ways: u32, references: &[u32], renew: bool) -> Vec<bool> {
+        let mut resident = vec![Vec::new(); sets as usize];
+        let miss = |&line: &u32| {
+            let set = &mut resident[(line % sets) as usize];
+            let place = set.iter().position(|&l| l == line);
+            match place {
+                Some(place) if renew => {
+                    set.remove(place);
+                    set.push(line);
+                }
+                Some(_) => {}
+                None => {
+                    if set.len() == ways as usize {
+                        set.remove(0);
+                    }
+                    set.push(line);
+                }
+            }
+            place.is_none()
+        };
+        references.iter().map(miss).collect()
+    }
+
+    #[test]
+    fn beladys_string() {
+        assert_eq!([count::<Fifo>(3, &BELADY), count::<Fifo>(4, &BELADY)], [9, 10]);
+        assert_eq!([count::<Lru>(3, &BELADY), count::<Lru>(4, &BELADY)], [10, 8]);
+        // By hand: with all reference bits set, the hand goes round once and clock is FIFO here.
+        assert_eq!([count::<Clock>(3, &BELADY), count::<Clock>(4, &BELADY)], [9, 10]);
+    }
+
+    #[test]
+    fn stallings_string() {
+        assert_eq!(count::<Lru>(3, &STALLINGS), 3 + 4);
+        assert_eq!(count::<Clock>(3, &STALLINGS), 3 + 5);
+        assert_eq!(count::<Fifo>(3, &STALLINGS), 3 + 6);
+    }
+
+    #[test]
+    fn what_fits_misses_once() {
+        let twice: Vec<u32> = (0..16).chain(0..16).collect();
+        for misses in [count::<Lru>, count::<Fifo>, count::<Clock>, count::<Random>] {
+            assert_eq!(misses(16, &twice), 16);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_larger_lru_memory_never_misses_more(
+            references in prop::collection::vec(0u32..64, 0..400), ways in 1u32..16, more in 1u32..16,
+        ) {
+            let (small, large) = (misses::<Lru>(1, ways, &references), misses::<Lru>(1, ways + more, &references));
+            // Inclusion: what hits in the smaller memory hits in the larger one.
+            prop_assert!(small.iter().zip(&large).all(|(small, large)| small >= large));
+        }
+    }
+}

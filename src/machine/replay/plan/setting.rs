@@ -1,0 +1,148 @@
+//! A machine that recorded references are put through.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+use crate::hardware::specification::{self, Arbiter, Cluster, MemorySize};
+use crate::tile_order::TileOrder;
+
+/// Which line of a full set gives way.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Policy {
+    Lru,
+    Fifo,
+    Clock,
+    Random,
+    /// The line that is not needed for the longest time to come: the bound of all policies.
+    Optimal,
+}
+
+impl From<specification::Replacement> for Policy {
+    fn from(replacement: specification::Replacement) -> Self {
+        match replacement {
+            specification::Replacement::Lru => Self::Lru,
+            specification::Replacement::Fifo => Self::Fifo,
+            specification::Replacement::Clock => Self::Clock,
+            specification::Replacement::Random => Self::Random,
+        }
+    }
+}
+
+impl Policy {
+    /// That of a local memory; `None` for [`Self::Optimal`], which no memory has.
+    pub fn replacement(self) -> Option<specification::Replacement> {
+        match self {
+            Self::Lru => Some(specification::Replacement::Lru),
+            Self::Fifo => Some(specification::Replacement::Fifo),
+            Self::Clock => Some(specification::Replacement::Clock),
+            Self::Random => Some(specification::Replacement::Random),
+            Self::Optimal => None,
+        }
+    }
+}
+
+/// Which node gets which tile.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Assignment {
+    /// The one that had it.
+    Recorded,
+    /// The one that asks first, in simulated cycles.
+    OnDemand,
+    /// The i-th tile goes to node i mod nodes.
+    Interleaved,
+}
+
+/// Everything that a replay can vary.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+pub struct Setting {
+    #[serde(serialize_with = "displayed")]
+    pub local_memory: MemorySize,
+    /// Bytes.
+    pub line: u32,
+    /// `None`: fully associative.
+    pub ways: Option<u32>,
+    pub replacement: Policy,
+    /// A cluster.
+    pub nodes: u16,
+    pub clusters: u16,
+    pub tile_order: TileOrder,
+    pub assignment: Assignment,
+    /// Bytes of a bus word.
+    pub bus_width: u32,
+    #[serde(serialize_with = "arbiter")]
+    pub arbiter: Arbiter,
+}
+
+impl Setting {
+    /// That of a recorded run.
+    pub fn recorded(cluster: &Cluster, tile_order: TileOrder) -> Self {
+        let Cluster { nodes, local_memory, bus, .. } = *cluster;
+        Self {
+            local_memory: local_memory.size,
+            line: local_memory.line,
+            ways: local_memory.ways,
+            replacement: local_memory.replacement.into(),
+            nodes,
+            clusters: 1,
+            tile_order,
+            assignment: Assignment::Recorded,
+            bus_width: bus.width,
+            arbiter: bus.arbiter,
+        }
+    }
+
+    /// For a trace that came from elsewhere: one node with an eighth of what it referenced, lines of 64 bytes.
+    pub fn imported() -> Self {
+        let bus = specification::Bus::DEFAULT;
+        Self {
+            local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
+            line: 64,
+            ways: None,
+            replacement: Policy::Lru,
+            nodes: 1,
+            clusters: 1,
+            tile_order: TileOrder::Scanline,
+            assignment: Assignment::Recorded,
+            bus_width: bus.width,
+            arbiter: bus.arbiter,
+        }
+    }
+
+    /// The topology's words for its local memory; [`Policy::Optimal`] has none, and LRU stands for it.
+    pub fn memory(&self) -> specification::LocalMemory {
+        let replacement = self.replacement.replacement().unwrap_or(specification::Replacement::Lru);
+        specification::LocalMemory { size: self.local_memory, line: self.line, ways: self.ways, replacement }
+    }
+
+    /// Of all clusters together.
+    pub fn all_nodes(&self) -> u32 {
+        u32::from(self.nodes) * u32::from(self.clusters)
+    }
+}
+
+fn displayed<S: Serializer>(value: &impl fmt::Display, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(value)
+}
+
+/// As it is typed: the quantum after a colon.
+fn arbiter<S: Serializer>(arbiter: &Arbiter, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&ArbiterName(*arbiter))
+}
+
+/// An arbiter as it is typed.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ArbiterName(pub Arbiter);
+
+impl fmt::Display for ArbiterName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Arbiter::Fifo => f.write_str("fifo"),
+            Arbiter::RoundRobin { quantum: 1 } => f.write_str("round_robin"),
+            Arbiter::RoundRobin { quantum } => write!(f, "round_robin:{quantum}"),
+            Arbiter::FixedPriority => f.write_str("fixed_priority"),
+        }
+    }
+}

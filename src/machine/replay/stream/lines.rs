@@ -1,0 +1,168 @@
+//! Which lines of a memory a record lies in.
+
+use crate::hardware::references::{RecordNumbers, Word};
+use trace::database::{Layout, Section};
+use trace::tracer::simd::{Registers, Simd, Task};
+
+/// Records by number → lines by number, for one size of line.
+pub trait Lines: Sync {
+    /// The record's first line, and how many lines it lies in, which follow one another.
+    fn of(&self, record: u32) -> (u32, u32);
+
+    /// The same of many words, at most [`SPANS_MAX`]; a word that is no read has no lines.
+    #[inline(always)]
+    fn spans(&self, words: &[u32], spans: &mut Spans) {
+        for ((&word, first), count) in words.iter().zip(&mut spans.first).zip(&mut spans.count) {
+            (*first, *count) = if Word(word).is_read() { self.of(word) } else { (0, 0) };
+        }
+    }
+
+    /// Lines are numbered below this.
+    fn count(&self) -> u32;
+
+    /// The set of a line among so many.
+    fn set(&self, line: u32, sets: u32) -> u32;
+}
+
+/// Words whose lines are found at once.
+pub const SPANS_MAX: usize = 512;
+
+/// Lines of words.
+#[derive(Clone, Debug)]
+pub struct Spans {
+    /// The first line of each.
+    first: [u32; SPANS_MAX],
+    /// How many lines it lies in.
+    count: [u32; SPANS_MAX],
+}
+
+impl Default for Spans {
+    fn default() -> Self {
+        Self { first: [0; SPANS_MAX], count: [0; SPANS_MAX] }
+    }
+}
+
+impl Spans {
+    /// First line and number of lines of each word.
+    #[inline(always)]
+    pub fn iter(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.first.iter().copied().zip(self.count.iter().copied())
+    }
+}
+
+/// The lines of a database image.
+#[derive(Clone, Debug)]
+pub struct RecordLines {
+    numbers: RecordNumbers,
+    /// By section: words of a record, and what must be added to its number times that to get its first word.
+    words: [u32; Section::COUNT],
+    offset: [u32; Section::COUNT],
+    /// A line's words are 2 to this power.
+    line_shift: u32,
+    count: u32,
+    simd: Simd,
+}
+
+impl RecordLines {
+    /// `line_bytes` is a power of two, 16 to 256.
+    pub fn new(layout: &Layout, line_bytes: u32) -> Self {
+        let numbers = RecordNumbers::new(layout);
+        let words = Section::ALL.map(|section| section.record_bytes() as u32 / 4);
+        let offset = Section::ALL.map(|section| {
+            let base = (layout.span(section).base.0 / 4) as u32;
+            base.wrapping_sub(numbers.number(section, 0).wrapping_mul(words[section as usize]))
+        });
+        let line_shift = (line_bytes / 4).trailing_zeros();
+        let count = (layout.image_bytes() / u64::from(line_bytes)) as u32;
+        Self { numbers, words, offset, line_shift, count, simd: Simd::best() }
+    }
+}
+
+impl Lines for RecordLines {
+    #[inline(always)]
+    fn of(&self, record: u32) -> (u32, u32) {
+        let section = self.numbers.place(record).0 as usize;
+        let words = self.words[section];
+        let start = record.wrapping_mul(words).wrapping_add(self.offset[section]);
+        let (first, last) = (start >> self.line_shift, (start + words - 1) >> self.line_shift);
+        (first, last - first + 1)
+    }
+
+    #[inline(always)]
+    fn spans(&self, words: &[u32], spans: &mut Spans) {
+        self.simd.run(Find { lines: self, words, spans });
+    }
+
+    fn count(&self) -> u32 {
+        self.count
+    }
+
+    #[inline(always)]
+    fn set(&self, line: u32, sets: u32) -> u32 {
+        line % sets
+    }
+}
+
+/// [`Lines::spans`] without a branch, which compilers turn into vector instructions.
+struct Find<'a> {
+    lines: &'a RecordLines,
+    words: &'a [u32],
+    spans: &'a mut Spans,
+}
+
+impl Task for Find<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Registers>(self) {
+        let RecordLines { numbers, words, offset, line_shift, .. } = *self.lines;
+        let starts = Section::ALL.map(|section| numbers.section(section).start);
+        let Spans { first, count } = self.spans;
+        for ((&word, first), count) in self.words.iter().zip(first).zip(count) {
+            let (mut length, mut add) = (words[0], offset[0]);
+            for section in 1..Section::COUNT {
+                let is_there = word >= starts[section];
+                length = if is_there { words[section] } else { length };
+                add = if is_there { offset[section] } else { add };
+            }
+            let start = word.wrapping_mul(length).wrapping_add(add);
+            *first = start >> line_shift;
+            let last = start.wrapping_add(length - 1) >> line_shift;
+            *count = if Word(word).is_read() { last.wrapping_sub(*first).wrapping_add(1) } else { 0 };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trace::tracer::RayKind;
+
+    #[test]
+    fn records_lie_where_the_layout_puts_them() {
+        let layout = Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small");
+        let numbers = RecordNumbers::new(&layout);
+        for line_bytes in [16, 32, 64, 128, 256] {
+            let lines = RecordLines::new(&layout, line_bytes);
+            for section in Section::ALL {
+                for index in 0..layout.span(section).records as u32 {
+                    let number = numbers.number(section, index);
+                    assert_eq!(numbers.place(number), (section, index));
+                    let start = layout.span(section).base.0 + u64::from(index) * section.record_bytes();
+                    let line = |byte: u64| (byte / u64::from(line_bytes)) as u32;
+                    let (first, last) = (line(start), line(start + section.record_bytes() - 1));
+                    assert_eq!(lines.of(number), (first, last - first + 1), "{section:?} {index}");
+                    assert!(last < lines.count());
+                }
+            }
+            let words: Vec<u32> = (0..numbers.count()).chain([Word::ray(RayKind::Shadow).0]).collect();
+            for words in words.chunks(SPANS_MAX) {
+                let mut spans = Spans::default();
+                lines.spans(words, &mut spans);
+                let expected =
+                    |&word: &u32| if Word(word).is_read() { lines.of(word) } else { (spans.first[words.len() - 1], 0) };
+                assert!(words.iter().map(expected).eq(spans.iter().take(words.len())), "lines of {line_bytes}");
+            }
+        }
+    }
+}

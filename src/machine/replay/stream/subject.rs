@@ -1,0 +1,174 @@
+//! What can be put through other machines: a trace whose records have a place in an image.
+
+use crate::hardware::references::RecordNumbers;
+use crate::hardware::specification::{Bus, Processor};
+use crate::recording::references::Recording;
+use crate::replay::contention::ReadCycles;
+use crate::replay::importers::{Imported, TableLines};
+use crate::replay::{Lines, RecordLines, Trace};
+use crate::tile_order;
+use crate::tile_order::TileOrder;
+use ground::ids::TileId;
+use trace::database::{Layout, Section};
+use trace::picture::Tiling;
+
+/// A trace, and what simulations must know besides.
+pub trait Subject: Trace {
+    type Lines: Lines;
+
+    /// Where records lie, for lines of so many bytes.
+    fn lines(&self, line_bytes: u32) -> Self::Lines;
+
+    /// Of which shares are taken; a multiple of 256.
+    fn image_bytes(&self) -> u64;
+
+    /// The kind of record that this is, below the length of the following two.
+    fn kind(&self, record: u32) -> usize;
+
+    /// By kind: 32-bit words of a record.
+    fn record_words(&self) -> Vec<u32>;
+
+    /// By kind: what a processor spends on a record that it reads.
+    fn read_cycles(&self) -> Vec<u32>;
+
+    /// Of a tile of the trace.
+    fn pixels(&self, tile: u32) -> u32;
+
+    /// The tiles in an order of handing out, as indices into those of the trace; `None` for one that it does not have.
+    fn ordered(&self, order: TileOrder) -> Vec<Option<u32>>;
+
+    /// Seeds random replacement.
+    fn seed(&self) -> u64;
+
+    /// The recorded bus.
+    fn bus(&self) -> Bus;
+}
+
+/// A trace of the records of a database, and the machine that it is of.
+pub trait DatabaseTrace: Trace {
+    fn layout(&self) -> &Layout;
+    fn numbers(&self) -> &RecordNumbers;
+    fn tiling(&self) -> Tiling;
+    /// Of random replacement and random order.
+    fn run_seed(&self) -> u64;
+    fn processor(&self) -> Processor;
+    fn cluster_bus(&self) -> Bus;
+}
+
+impl DatabaseTrace for Recording {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    #[inline(always)]
+    fn numbers(&self) -> &RecordNumbers {
+        &self.numbers
+    }
+
+    fn tiling(&self) -> Tiling {
+        self.tiling
+    }
+
+    fn run_seed(&self) -> u64 {
+        self.conditions.seed
+    }
+
+    fn processor(&self) -> Processor {
+        self.conditions.cluster.processor
+    }
+
+    fn cluster_bus(&self) -> Bus {
+        self.conditions.cluster.bus
+    }
+}
+
+/// Kinds are sections.
+impl<T: DatabaseTrace> Subject for T {
+    type Lines = RecordLines;
+
+    fn lines(&self, line_bytes: u32) -> RecordLines {
+        RecordLines::new(self.layout(), line_bytes)
+    }
+
+    fn image_bytes(&self) -> u64 {
+        self.layout().image_bytes()
+    }
+
+    #[inline(always)]
+    fn kind(&self, record: u32) -> usize {
+        self.numbers().place(record).0 as usize
+    }
+
+    fn record_words(&self) -> Vec<u32> {
+        Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
+    }
+
+    fn read_cycles(&self) -> Vec<u32> {
+        let cycles = ReadCycles::new(&self.processor());
+        Section::ALL.map(|section| cycles.of(section)).to_vec()
+    }
+
+    fn pixels(&self, tile: u32) -> u32 {
+        let rect = self.tiling().rect(self.tiles()[tile as usize].tile);
+        rect.map_or(0, |rect| rect.width * rect.height)
+    }
+
+    fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
+        let mut places = vec![None; self.tiling().tile_count() as usize];
+        for (i, tile) in (0..).zip(self.tiles()).filter(|(_, tile)| tile.accepted) {
+            places[tile.tile.0 as usize] = Some(i);
+        }
+        let order = tile_order::tiles(order, self.tiling(), self.run_seed());
+        order.into_iter().map(|TileId(tile)| places[tile as usize]).collect()
+    }
+
+    fn seed(&self) -> u64 {
+        self.run_seed()
+    }
+
+    fn bus(&self) -> Bus {
+        self.cluster_bus()
+    }
+}
+
+/// One stream of one node. Nothing is known of what was read but its size: a read costs its access.
+impl Subject for Imported {
+    type Lines = TableLines;
+
+    fn lines(&self, line_bytes: u32) -> TableLines {
+        self.lines(line_bytes)
+    }
+
+    fn image_bytes(&self) -> u64 {
+        self.image_bytes()
+    }
+
+    #[inline(always)]
+    fn kind(&self, record: u32) -> usize {
+        self.kind(record)
+    }
+
+    fn record_words(&self) -> Vec<u32> {
+        self.record_words().to_vec()
+    }
+
+    fn read_cycles(&self) -> Vec<u32> {
+        vec![Processor::DEFAULT.local_access; self.record_words().len()]
+    }
+
+    fn pixels(&self, _tile: u32) -> u32 {
+        0
+    }
+
+    fn ordered(&self, _order: TileOrder) -> Vec<Option<u32>> {
+        vec![Some(0)]
+    }
+
+    fn seed(&self) -> u64 {
+        1
+    }
+
+    fn bus(&self) -> Bus {
+        Bus::DEFAULT
+    }
+}

@@ -1,0 +1,133 @@
+//! What the programs have in common: how each begins, and how those go on that `marti run` starts, or that join it.
+
+use std::fmt::Display;
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use nix::sys::signal::{SigHandler, Signal, signal};
+
+use super::Failure;
+use cluster::processes::join::{self, Joining};
+use cluster::processes::{Child, Origin};
+use cluster::protocol::hello::Role;
+use cluster::topology::value::Seconds;
+use ground::floating_point;
+
+/// What each program does first and last. A file-size limit becomes an error of the write that exceeds it (EFBIG) instead of
+/// the process's death, and a floating-point environment that could change the image is refused with exit code 1.
+pub fn enter(play: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
+    // SAFETY: an ignored signal runs no handler.
+    let ignored = unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) };
+    let ready = ignored.map_err(|error| Failure::failed(format!("cannot ignore SIGXFSZ: {error}"))).and_then(|_| {
+        floating_point::check().map_err(|unusual| {
+            Failure::failed(format!(
+                "the floating-point environment is not the default one: {unusual}; expected that of a process to which \
+                 no library (LD_PRELOAD?) has done anything"
+            ))
+        })
+    });
+    ready.and_then(|()| play()).unwrap_or_else(|failure| failure.report())
+}
+
+/// Options of a process that joins; `marti run` gives none.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Joining a run")]
+pub struct JoinArguments {
+    /// Ask this manager for a place, until there is one
+    #[arg(long, value_name = "HOST:PORT", env = "MARTI_JOIN", value_parser = manager)]
+    join: Option<(String, u16)>,
+    /// Where to listen, for those who dial this process [default: the interface by which it reaches the manager]
+    #[arg(long, value_name = "ADDRESS", env = "MARTI_BIND")]
+    interface: Option<IpAddr>,
+    /// Under which address or name others reach this process [default: where it listens]
+    #[arg(long, value_name = "NAME", env = "MARTI_ADVERTISE")]
+    advertise: Option<String>,
+    /// Take a place on this host of the topology alone
+    #[arg(long, value_name = "NAME", env = "MARTI_HOST")]
+    host: Option<String>,
+    /// Folder of keys that `marti keys new` made, or the file of this role
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    keys: Option<PathBuf>,
+    /// File of the run's token, OUT/join.token, where there are no keys
+    #[arg(long, value_name = "FILE", env = "MARTI_TOKEN")]
+    token: Option<PathBuf>,
+    /// How long to ask for a place
+    #[arg(long, value_name = "SECONDS", env = "MARTI_PATIENCE", default_value_t = Seconds(600.0))]
+    patience: Seconds,
+    /// Tell by HTTP on this address, of this host alone, whether it has a place (/healthz)
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "join")]
+    health: Option<SocketAddr>,
+}
+
+impl JoinArguments {
+    fn origin(self) -> Origin {
+        let Some((manager, port)) = self.join else { return Origin::Spawned };
+        Origin::Joining(Box::new(Joining {
+            manager,
+            port,
+            token: self.token,
+            keys: self.keys,
+            host: self.host,
+            bind: self.interface,
+            advertise: self.advertise,
+            patience: Duration::from_secs_f64(self.patience.0),
+            health: self.health,
+        }))
+    }
+
+    /// Plays a role from start to end. A process that joined begins anew when its run has failed under it.
+    pub fn play<E: Display>(
+        self,
+        program: &'static str,
+        role: Role,
+        run: impl FnOnce(&Child) -> Result<(), E>,
+    ) -> ExitCode {
+        let failed = |error: &dyn Display| Failure::failed(error.to_string()).report();
+        let child = match Child::start(program, role, &self.origin()) {
+            Ok(child) => child,
+            Err(error) => return failed(&error),
+        };
+        match run(&child) {
+            Ok(()) => ExitCode::SUCCESS,
+            // The manager is gone too, where a whole cluster is asked to go.
+            Err(error) if child.is_leaving() => {
+                tracing::warn!("left: {error}");
+                ExitCode::SUCCESS
+            }
+            Err(error) => {
+                if child.joined {
+                    tracing::error!("{error}");
+                    join::begin_anew();
+                }
+                failed(&error)
+            }
+        }
+    }
+}
+
+fn manager(text: &str) -> Result<(String, u16), String> {
+    let parts = text.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
+    match parts {
+        Some((host, port)) if !host.is_empty() && port > 0 => {
+            Ok((host.trim_start_matches('[').trim_end_matches(']').to_owned(), port))
+        }
+        _ => Err("expected HOST:PORT such as manager.example:4242".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_manager_is_a_host_and_a_port() {
+        assert_eq!(manager("m.example:4242"), Ok(("m.example".to_owned(), 4242)));
+        assert_eq!(manager("[::1]:80"), Ok(("::1".to_owned(), 80)));
+        for text in ["", "m", "m:", ":80", "m:0", "m:65536", "m:x"] {
+            assert!(manager(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! `marti inspect SCENE`
+
+use std::fmt::Write;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::OctreeOptions;
+use super::{Failure, print};
+use trace::database::Section;
+use trace::database::verify::Verified;
+use trace::preparation;
+use trace::scene::SceneSource;
+use trace::tracer::octree::Octree;
+use trace::tracer::octree::census::{Census, Level};
+
+/// Print the database of a scene by section, and its octree by level
+#[derive(Clone, Debug, Args)]
+pub struct InspectArguments {
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
+    pub scene: SceneSource,
+    #[command(flatten)]
+    octree: OctreeOptions,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
+    let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
+    let scene = arguments.scene.load()?;
+    let database = preparation::build(&arguments.scene, scene, octree)?;
+    let inspection = Inspection::of(arguments.scene.to_string(), &database);
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;
+        print(&(json + "\n"))
+    } else {
+        print(&inspection.text())
+    }
+}
+
+/// What a database consists of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Inspection {
+    scene: String,
+    /// Polygons, spheres and cones as in the scene.
+    scene_primitives: u64,
+    /// Triangles, spheres and cones as in the database.
+    primitives: u64,
+    database_bytes: u64,
+    bytes_per_primitive: f64,
+    sections: Vec<SectionRow>,
+    octree: OctreeTotals,
+    /// By level, from the root's on.
+    levels: Vec<LevelRow>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct SectionRow {
+    section: &'static str,
+    base: u64,
+    records: u64,
+    record_bytes: u64,
+    bytes: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct OctreeTotals {
+    nodes: u64,
+    branches: u64,
+    leaves: u64,
+    empty_leaves: u64,
+    references: u64,
+    references_per_primitive: f64,
+    depth: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct LevelRow {
+    nodes: u64,
+    branches: u64,
+    leaves: u64,
+    empty_leaves: u64,
+    references: u64,
+}
+
+impl Inspection {
+    fn of(scene: String, database: &Verified) -> Self {
+        let header = &database.database().header;
+        let layout = &header.layout;
+        let section = |section: Section| SectionRow {
+            section: section.name(),
+            base: layout.span(section).base.0,
+            records: layout.span(section).records,
+            record_bytes: section.record_bytes(),
+            bytes: layout.section_bytes(section),
+        };
+        let primitives = layout.span(Section::Surfaces).records;
+        let each = |count: u64| if primitives == 0 { 0.0 } else { count as f64 / primitives as f64 };
+        let census = Census::of(database);
+        let LevelRow { nodes, branches, leaves, empty_leaves, references } = LevelRow::of(&census.total());
+        Self {
+            scene,
+            scene_primitives: header.scene_primitives,
+            primitives,
+            database_bytes: layout.image_bytes(),
+            bytes_per_primitive: each(layout.image_bytes()),
+            sections: Section::ALL.map(section).to_vec(),
+            octree: OctreeTotals {
+                nodes,
+                branches,
+                leaves,
+                empty_leaves,
+                references,
+                references_per_primitive: each(references),
+                depth: census.depth(),
+            },
+            levels: census.levels.iter().map(LevelRow::of).collect(),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut text);
+        text
+    }
+
+    fn write(&self, out: &mut String) -> std::fmt::Result {
+        writeln!(out, "scene     {}, {} primitives", self.scene, self.scene_primitives)?;
+        writeln!(
+            out,
+            "database  {} bytes for {} primitives after triangulation, {:.1} bytes each\n",
+            self.database_bytes, self.primitives, self.bytes_per_primitive
+        )?;
+        writeln!(out, "{:<14}{:>12}{:>12}{:>14}{:>14}", "section", "base", "records", "bytes each", "bytes")?;
+        for SectionRow { section, base, records, record_bytes, bytes } in &self.sections {
+            writeln!(out, "{section:<14}{base:>12}{records:>12}{record_bytes:>14}{bytes:>14}")?;
+        }
+        let octree = &self.octree;
+        writeln!(
+            out,
+            "\noctree    {} nodes ({} branches, {} leaves, {} empty), depth {}, {} references, {:.2} a primitive\n",
+            octree.nodes,
+            octree.branches,
+            octree.leaves,
+            octree.empty_leaves,
+            octree.depth,
+            octree.references,
+            octree.references_per_primitive
+        )?;
+        writeln!(
+            out,
+            "{:<7}{:>12}{:>12}{:>12}{:>12}{:>14}",
+            "level", "nodes", "branches", "leaves", "empty", "references"
+        )?;
+        for (level, LevelRow { nodes, branches, leaves, empty_leaves, references }) in self.levels.iter().enumerate() {
+            writeln!(out, "{level:<7}{nodes:>12}{branches:>12}{leaves:>12}{empty_leaves:>12}{references:>14}")?;
+        }
+        Ok(())
+    }
+}
+
+impl LevelRow {
+    fn of(level: &Level) -> Self {
+        Self {
+            nodes: level.nodes(),
+            branches: level.branches,
+            leaves: level.leaves,
+            empty_leaves: level.empty_leaves,
+            references: level.references,
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! `marti render SCENE`
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
+
+use clap::{Args, ValueEnum, value_parser};
+
+use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
+use super::{Failure, print};
+use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
+use cluster::topology::value::{Cutoff, Depth};
+use ground::progress::{Progress, Status};
+use trace::picture::ImageSettings;
+use trace::preparation::{self, Fallback, Prepared};
+use trace::render::{self, Kernel, Rendering, Settings};
+use trace::scene::Camera;
+use trace::scene::SceneSource;
+use trace::tracer::bvh8::Bvh8;
+use trace::tracer::octree::Octree;
+use trace::tracer::octree::census::Census;
+use trace::tracer::simd::Simd;
+
+/// Render a scene in this one process: the fastest way on one machine
+#[derive(Clone, Debug, Args)]
+pub struct RenderArguments {
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
+    pub scene: SceneSource,
+    /// Image to write [default: the scene's name with .png]
+    #[arg(long, short, value_name = "NAME.png", value_parser = png_path)]
+    output: Option<PathBuf>,
+    /// Pixels of the image [default: the scene file's resolution, else 512x512]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<ImageSize>,
+    /// Threads that trace [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+    /// Render so many times; the seconds reported are medians
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1000))]
+    pub repeat: u32,
+    /// How many reflections or refractions may follow one another
+    #[arg(long, value_name = "N", default_value_t = Depth(ImageSettings::DEPTH_DEFAULT))]
+    pub depth: Depth,
+    /// A reflected or refracted ray is cast when its weight in the pixel exceeds this
+    #[arg(long, value_name = "X", default_value_t = Cutoff(0.0), allow_negative_numbers = true)]
+    pub cutoff: Cutoff,
+    #[command(flatten)]
+    octree: OctreeOptions,
+    /// Test a primitive that stands in many leaves only once a ray
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true, default_value_t = Switch::On)]
+    mailbox: Switch,
+    /// What traces; the image is the same
+    #[arg(long, value_enum, value_name = "packets|single", hide_possible_values = true, default_value_t = KernelName::Packets)]
+    kernel: KernelName,
+    /// Vector instructions of the packets [default: the most that this processor has]
+    #[arg(long, value_name = "scalar|sse2|avx2|avx512")]
+    simd: Option<Simd>,
+    #[command(flatten)]
+    pub planes: OutputOptions,
+    /// Print no progress and no summary
+    #[arg(long, short)]
+    quiet: bool,
+    /// Also write a report as JSON (docs/report.md)
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum KernelName {
+    Packets,
+    Single,
+}
+
+impl RenderArguments {
+    pub fn octree(&self) -> Octree {
+        self.octree.octree(self.mailbox == Switch::On)
+    }
+
+    fn threads(&self) -> usize {
+        self.threads.map_or_else(|| available_parallelism().map_or(1, usize::from), |threads| threads as usize)
+    }
+
+    fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
+        let (width, height) = match self.size {
+            Some(size) => (size.width, size.height),
+            None => camera.resolution.unwrap_or((512, 512)),
+        };
+        ImageSettings::new(width, height, self.depth.0, self.cutoff.0).map_err(|error| error.to_string())
+    }
+
+    /// The image to write.
+    pub fn image(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| PathBuf::from(self.scene.name() + ".png"))
+    }
+}
+
+pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
+    let start = Instant::now();
+    let packets = arguments.kernel == KernelName::Packets;
+    if !packets && arguments.simd.is_some() {
+        return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
+    }
+    let octree = arguments.octree();
+    let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
+        arguments.image_settings(camera)
+    })?;
+    let derivation = Instant::now();
+    let derived = packets.then(|| Bvh8::build(&prepared.database));
+    let derivation = derivation.elapsed();
+    let kernel = match &derived {
+        Some(derived) => Kernel::Packets(derived, arguments.simd.unwrap_or_else(Simd::best)),
+        None => Kernel::Single { mailbox: octree.mailbox },
+    };
+    let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), kernel };
+    let (mut walls, mut cpus) = (Vec::new(), Vec::new());
+    let rendering = loop {
+        let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
+        let show = |status: &Status| {
+            // One thread that shows is enough; the others go on tracing.
+            if let Ok(mut progress) = progress.try_lock() {
+                progress.show(status);
+            }
+        };
+        let rendering = render::render(&prepared.database, &prepared.view, settings, show)
+            .map_err(|error| Failure::failed(error.to_string()))?;
+        progress.into_inner().unwrap_or(Progress::Quiet).clear();
+        walls.push(rendering.wall);
+        cpus.push(rendering.cpu);
+        if walls.len() == arguments.repeat as usize {
+            break rendering;
+        }
+    };
+    let image = arguments.image();
+    let files = rendering
+        .frame
+        .write(&image, arguments.planes.exr())
+        .map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
+    let seconds = Seconds {
+        load: prepared.load.as_secs_f64(),
+        octree: (prepared.build + derivation).as_secs_f64(),
+        render: median(walls),
+        render_cpu: median(cpus),
+        total: start.elapsed().as_secs_f64(),
+    };
+    let report = report(arguments.scene.to_string(), &prepared, kernel, &rendering, files, seconds);
+    if let Some(path) = &arguments.report {
+        json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
+    }
+    if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) }
+}
+
+fn report(
+    source: String,
+    prepared: &Prepared,
+    kernel: Kernel<'_>,
+    rendering: &Rendering,
+    files: Vec<PathBuf>,
+    seconds: Seconds,
+) -> Report {
+    let stats = &rendering.stats;
+    let octree = report::Octree::new(&Census::of(&prepared.database));
+    let (kernel, octree, tests) = match kernel {
+        Kernel::Single { .. } => (report::Kernel::Single, octree.with_accesses(stats), Some(report::Tests::new(stats))),
+        Kernel::Packets(derived, simd) => {
+            (report::Kernel::Packets { simd, derived_bytes: derived.bytes() }, octree, None)
+        }
+    };
+    Report {
+        schema_version: SCHEMA_VERSION,
+        build: env!("CARGO_PKG_VERSION").to_owned(),
+        status: report::Status::Done,
+        error: None,
+        scene: report::Scene::new(source, &prepared.database),
+        image: report::Image {
+            width: rendering.frame.width(),
+            height: rendering.frame.height(),
+            sha256: Some(rendering.frame.sha256()),
+            non_finite_pixels: stats.non_finite_pixels,
+            unverified: None,
+            files,
+            file_sha256: None,
+        },
+        kernel: Some(kernel),
+        rays: report::Rays::new(stats),
+        octree,
+        tests,
+        tiles: None,
+        nodes: Vec::new(),
+        memory: None,
+        bus: None,
+        conservation: None,
+        verification: None,
+        chaos: None,
+        incidents: Vec::new(),
+        seconds,
+    }
+}
+
+/// The middle one, in seconds; of an even number, the mean of the two in the middle.
+fn median(mut times: Vec<Duration>) -> f64 {
+    times.sort_unstable();
+    let (lower, upper) = (times[(times.len() - 1) / 2], times[times.len() / 2]);
+    (lower + upper).as_secs_f64() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        let seconds = |of: &[u64]| median(of.iter().map(|s| Duration::from_secs(*s)).collect());
+        assert_eq!((seconds(&[7]), seconds(&[9, 1, 2]), seconds(&[4, 1, 2, 9])), (7.0, 2.0, 3.0));
+    }
+}

@@ -1,0 +1,131 @@
+//! `marti run TOPOLOGY`, and `marti run --resume OUT`
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::OutputOptions;
+use super::{Exit, Failure, print};
+use cluster::chaos::Schedule;
+use cluster::processes::manager::{self, Interrupt, RunEnd, RunRequest};
+use cluster::report::text;
+use cluster::topology::{Override, Topology};
+
+/// Render a topology with all its processes
+#[derive(Clone, Debug, Args)]
+pub struct RunArguments {
+    /// Topology file (docs/topology.md)
+    #[arg(required_unless_present = "resume")]
+    pub topology: Option<PathBuf>,
+    /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]; what an earlier run left
+    /// there is moved to DIR/earlier/N
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Go on with the run that was interrupted in this folder: with its topology, and the tiles that it had
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["topology", "out"])]
+    pub resume: Option<PathBuf>,
+    /// Use the folder though it holds files that no run wrote; those that are in the way are moved to DIR/earlier/N
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Set a key of the topology for this run, such as cluster.nodes=9
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<Override>,
+    #[command(flatten)]
+    pub output: OutputOptions,
+    /// What to record besides the bus: references, which `marti replay` puts through other memories
+    #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
+    pub record: Option<Record>,
+    /// Listen here for those who join, instead of where the topology's first host says
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Folder of the cluster's keys, which `marti keys new` makes: processes prove who they are, and all is encrypted
+    #[arg(long, value_name = "DIR", env = "MARTI_KEYS")]
+    pub keys: Option<PathBuf>,
+    /// Use addresses that other machines can reach without keys: anybody there can read and disturb the run
+    #[arg(long)]
+    pub insecure: bool,
+    /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
+    #[arg(long, value_name = "FAULTS")]
+    pub chaos: Option<Schedule>,
+    /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub health: Option<SocketAddr>,
+    /// Print no progress and no summary
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// What can be recorded.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+pub enum Record {
+    /// Every record that a node reads, before its local memory sees it
+    References,
+}
+
+impl RunArguments {
+    /// The topology and the folder that the run writes into.
+    fn subject(&self) -> Result<(Topology, PathBuf), Failure> {
+        let (file, out) = match (&self.topology, &self.resume) {
+            (Some(file), _) => (file.clone(), self.out.clone()),
+            (None, Some(folder)) => (manager::resolved_topology(folder), Some(folder.clone())),
+            (None, None) => return Err(Failure::new(Exit::BadInput, "no topology is given")),
+        };
+        let topology = Topology::read(&file, &self.set)?;
+        let out = out.unwrap_or_else(|| PathBuf::from("out").join(&topology.name));
+        Ok((topology, out))
+    }
+}
+
+pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let (topology, out) = arguments.subject()?;
+    // With other settings there may be something left to do.
+    let output = &arguments.output;
+    let asks_for_more = !arguments.set.is_empty()
+        || !output.aov().is_empty()
+        || output.exr()
+        || arguments.chaos.is_some()
+        || arguments.health.is_some()
+        || arguments.listen.is_some();
+    if arguments.resume.is_some()
+        && !asks_for_more
+        && let Some(report) = manager::finished(&out)
+    {
+        if !arguments.quiet {
+            print(&format!(
+                "{}: the run is finished, nothing was rendered; its summary:\n{}",
+                out.display(),
+                text::summary(&report)
+            ))?;
+        }
+        return Ok(());
+    }
+    let outcome = manager::run(RunRequest {
+        out,
+        resume: arguments.resume.is_some(),
+        force: arguments.force,
+        topology,
+        aov: arguments.output.aov(),
+        exr: arguments.output.exr(),
+        record_references: arguments.record == Some(Record::References),
+        listen: arguments.listen,
+        keys: arguments.keys.clone(),
+        insecure: arguments.insecure,
+        chaos: arguments.chaos.clone(),
+        health: arguments.health,
+        quiet: arguments.quiet,
+    })
+    .map_err(|error| {
+        let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };
+        Failure::new(exit, error.to_string())
+    })?;
+    let printed = if arguments.quiet { Ok(()) } else { print(&text::summary(&outcome.report)) };
+    match outcome.end {
+        RunEnd::Done => printed,
+        RunEnd::Failed(why) => Err(Failure::failed(why)),
+        RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
+        RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
+        RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
+        RunEnd::Interrupted(Interrupt::Sighup) => Err(Failure::new(Exit::HungUp, "the terminal was closed")),
+    }
+}

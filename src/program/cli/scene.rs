@@ -1,0 +1,28 @@
+//! `marti scene KIND`
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Failure;
+use trace::scene::procedural::{self, Kind, WriteError};
+
+/// Write a procedural scene as an NFF file
+#[derive(Clone, Debug, Args)]
+pub struct SceneArguments {
+    /// gears, teapot, balls, tetra, slivers, plane, decades, giant or corner
+    pub kind: Kind,
+    /// Size factor, how finely or how often the scene is divided [default: its kind's]
+    #[arg(long, value_name = "N")]
+    pub size: Option<u32>,
+    /// File to write [default: standard output]
+    #[arg(long, short, value_name = "FILE.nff")]
+    pub output: Option<PathBuf>,
+}
+
+pub(super) fn scene(arguments: &SceneArguments) -> Result<(), Failure> {
+    procedural::write(arguments.kind, arguments.size, arguments.output.as_deref()).map_err(|error| match error {
+        WriteError::Size(error) => Failure::bad_input(error.to_string()),
+        WriteError::Io(error) => Failure::failed(error.to_string()),
+    })
+}

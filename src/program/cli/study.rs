@@ -1,0 +1,128 @@
+//! `marti study paper`, `marti study sweep TOPOLOGY`
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use serde::Serialize;
+
+use super::grid_options::{GridOptions, SETTINGS};
+use super::table::{Format, Table};
+use super::{Failure, json, print};
+use crate::study::page::Page;
+use crate::study::paper::{self, Paper};
+use crate::study::sweep::{self, Sweep};
+use cluster::topology::{Override, Topology};
+use ground::atomic_file;
+use ground::outlet;
+use ground::progress::Steps;
+
+/// Trace scenes once and replay them through many clusters
+#[derive(Clone, Debug, Args)]
+pub struct StudyArguments {
+    #[command(subcommand)]
+    study: Study,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Study {
+    Paper(PaperArguments),
+    Sweep(Box<SweepArguments>),
+}
+
+/// Print the 1991 paper's figures beside this program's
+#[derive(Clone, Debug, Args)]
+struct PaperArguments {
+    #[command(flatten)]
+    output: StudyOutput,
+}
+
+/// Put a topology's scene through every combination of memories, nodes and buses
+///
+/// Each list is one such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4. What is not given is as in the topology.
+#[derive(Clone, Debug, Args)]
+struct SweepArguments {
+    /// Topology file (docs/topology.md)
+    topology: PathBuf,
+    /// Set a key of the topology, such as scene.size=4
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Override>,
+    #[command(flatten)]
+    grid: GridOptions,
+    /// Also simulate the buses, in cycles of the topology's costs
+    #[arg(long)]
+    timings: bool,
+    #[command(flatten)]
+    output: StudyOutput,
+}
+
+#[derive(Clone, Debug, Args)]
+struct StudyOutput {
+    /// What is printed
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// Folder that also gets study.html, with plots, and study.json
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print no progress
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+pub(super) fn study(arguments: &StudyArguments) -> Result<(), Failure> {
+    match &arguments.study {
+        Study::Paper(arguments) => study_paper(arguments),
+        Study::Sweep(arguments) => study_sweep(arguments),
+    }
+}
+
+fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
+    let output = &arguments.output;
+    let steps = Steps::new(output.quiet, paper::STEPS);
+    let found = Paper::study(|what| steps.begin(what));
+    steps.clear();
+    let paper = found.map_err(|error| Failure::failed(error.to_string()))?;
+    output.write(&paper, || paper::page(&paper))?;
+    print(&match output.format {
+        Format::Text => paper::text(&paper),
+        Format::Json => json(&paper)?,
+        Format::Csv => paper::csv(&paper),
+    })
+}
+
+fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
+    let SweepArguments { output, grid, .. } = arguments;
+    let timings = arguments.timings || grid.varies_bus();
+    let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    let steps = Steps::new(output.quiet, sweep::STEPS);
+    let found = Sweep::study(&topology, &grid.grid(), timings, |what| steps.begin(what));
+    steps.clear();
+    let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
+    let table = Table::new(&sweep.rows)?;
+    let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
+    output.write(&sweep, || sweep::page(&sweep, text()))?;
+    print(&match output.format {
+        Format::Text => text(),
+        Format::Json => json(&sweep)?,
+        Format::Csv => table.print(Format::Csv, &SETTINGS),
+    })
+}
+
+impl StudyOutput {
+    /// Into the folder, if there is to be one.
+    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Page) -> Result<(), Failure> {
+        let Some(folder) = &self.out else { return Ok(()) };
+        let failed = |error: io::Error| Failure::failed(error.to_string());
+        fs::create_dir_all(folder).map_err(|error| Failure::failed(format!("{}: {error}", folder.display())))?;
+        let json = json(study)?;
+        atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
+        let html = page().to_string();
+        let path = folder.join("study.html");
+        atomic_file::write(&path, |file| file.write_all(html.as_bytes())).map_err(failed)?;
+        if !self.quiet {
+            outlet::say(format_args!("charts: {}", path.display()));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,4 @@
+//! What a person starts: the commands, and the studies.
+
+pub mod cli;
+pub mod study;

@@ -1,0 +1,142 @@
+//! The study as CSV: a row a figure.
+
+use std::fmt::Write;
+
+use super::Paper;
+use crate::study::conditions::Conditions;
+use crate::study::contention::Contention;
+use crate::study::counts::Ratio;
+use crate::study::published;
+use crate::study::traffic::Traffic;
+use machine::hardware::specification::MemorySize;
+use trace::tracer::octree::Octree;
+
+const COLUMNS: &str = "part,scene,leaf_size,max_depth,line_bytes,nodes,local_memory,quantity,found,published\n";
+
+/// Rows with a header. What has no meaning for a figure, and what the paper does not publish, is empty.
+pub fn csv(paper: &Paper) -> String {
+    let mut rows = Rows(COLUMNS.to_owned());
+    for figure in &paper.figure1 {
+        let mut row = |quantity: &str, found: f64, published: Option<f64>| {
+            rows.row("figure 1", &figure.scene, figure.octree, ",,", quantity, found, published);
+        };
+        for level in &figure.levels {
+            row(&format!("nodes on level {}", level.level), level.nodes as f64, None);
+            row(&format!("accesses to level {}", level.level), level.accesses as f64, None);
+        }
+        row("deepest nodes_share", figure.deepest.nodes_share, Some(figure.published.nodes_share));
+        row("deepest accesses_share", figure.deepest.accesses_share, Some(figure.published.accesses_share));
+        for (name, factor) in [("without_deepest", &figure.without_deepest), ("only_top", &figure.only_top)] {
+            row(&format!("{name} primitive_tests"), factor.primitive_tests, None);
+            row(&format!("{name} flops"), factor.flops, Some(figure.published_factor));
+        }
+    }
+    for traffic in &paper.traffic {
+        rows.traffic(traffic);
+    }
+    for table in &paper.table1 {
+        for ((size, found), published) in published::TABLE_SIZES.iter().zip(table.found).zip(table.published) {
+            let at = place(&table.conditions, table.nodes, *size);
+            let (scene, tree) = (&table.conditions.scene, table.conditions.octree);
+            rows.row("table 1", scene, tree, &at, table.ratio.name(), found, Some(published));
+        }
+    }
+    for found in &paper.processors {
+        let at = place(&found.conditions, found.nodes, published::share(32));
+        let mut row = |quantity, value, published| {
+            rows.row("processors", &found.conditions.scene, found.conditions.octree, &at, quantity, value, published);
+        };
+        row("by_accesses", found.by_accesses, Some(f64::from(found.published)));
+        row("by_words", found.by_words, Some(f64::from(found.published)));
+        row("presupposed_bus_bytes", found.presupposed_bus_bytes, None);
+    }
+    for replaced in &paper.replacements {
+        for row in &replaced.rows {
+            let at = format!("{},{},{}", row.setting.line, row.setting.nodes, row.setting.local_memory);
+            let quantity =
+                format!("{} {:?}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
+            rows.row(
+                "replacement",
+                &replaced.scene,
+                replaced.octree,
+                &at,
+                &quantity,
+                row.misses_per_record_access,
+                None,
+            );
+        }
+    }
+    for contention in paper.contention.iter().chain(&paper.widths) {
+        rows.contention(contention);
+    }
+    rows.0
+}
+
+/// The columns from `line_bytes` to `local_memory`.
+fn place(conditions: &Conditions, nodes: u16, size: MemorySize) -> String {
+    format!("{},{nodes},{size}", conditions.line_bytes)
+}
+
+struct Rows(String);
+
+impl Rows {
+    #[expect(clippy::too_many_arguments, reason = "a row's columns")]
+    fn row(
+        &mut self,
+        part: &str,
+        scene: &str,
+        octree: Octree,
+        place: &str,
+        quantity: &str,
+        found: f64,
+        published: Option<f64>,
+    ) {
+        let Octree { leaf_size, max_depth, .. } = octree;
+        let published = published.map_or_else(String::new, |published| published.to_string());
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.0, "{part},{scene},{leaf_size},{max_depth},{place},{quantity},{found},{published}");
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        let Conditions { scene, octree, .. } = &traffic.conditions;
+        for size in &traffic.sizes {
+            let at = place(&traffic.conditions, traffic.nodes, size.local_memory);
+            let mut row =
+                |quantity, found: f64, published| self.row("traffic", scene, *octree, &at, quantity, found, published);
+            row("local_bytes", size.local_bytes as f64, None);
+            row("record_accesses", size.counts.record_accesses as f64, None);
+            row("misses", size.counts.misses as f64, None);
+            row("words_read", size.counts.words_read as f64, None);
+            row("words_moved", size.counts.words_moved as f64, None);
+            row("bus_bytes", size.bus_bytes as f64, None);
+            row("bus share", traffic.bus_shares(size)[0], None);
+            row(Ratio::MissesPerRecordAccess.name(), size.ratio(Ratio::MissesPerRecordAccess), None);
+        }
+        let at = format!("{},{},", traffic.conditions.line_bytes, traffic.nodes);
+        let about = published::MESSAGE_BYTES_ABOUT as f64;
+        let messages = traffic.messages.bytes() as f64;
+        self.row("traffic", scene, *octree, &at, "message_bytes", messages, Some(about));
+    }
+
+    fn contention(&mut self, contention: &Contention) {
+        let Conditions { scene, octree, .. } = &contention.conditions;
+        let part = format!("contention on a bus of {} bytes", contention.bus.width);
+        for found in &contention.table.rows {
+            let at = place(&contention.conditions, found.nodes, contention.local_memory);
+            let mut row = |quantity, value| self.row(&part, scene, *octree, &at, quantity, value, None);
+            row("cycles", found.cycles as f64);
+            row("speed_up", found.speed_up);
+            row("efficiency", found.efficiency);
+            row("fixed_efficiency", found.fixed_efficiency);
+            row("exponential_efficiency", found.exponential_efficiency);
+            row("bus_utilisation", found.bus_utilisation);
+            row("fixed_utilisation", found.fixed_utilisation);
+            row("exponential_utilisation", found.exponential_utilisation);
+            row("wait_mean", found.wait_mean);
+            row("fixed_wait", found.fixed_wait);
+            row("exponential_wait", found.exponential_wait);
+            row("wait_percentile_99", found.wait_percentile_99 as f64);
+            row("knee", found.knee);
+        }
+    }
+}

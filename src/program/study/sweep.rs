@@ -1,0 +1,274 @@
+//! A scene of one's own, put through every combination of memories, nodes and buses.
+
+use serde::Serialize;
+
+use super::charts::{self, curve, most, shares};
+use super::conditions::octree;
+use super::levels::{self, Level};
+use super::page::{Figure, Page};
+use super::plot::{Axis, Chart, Series, Style};
+use super::traced::{Run, Traced, TracedError};
+use super::traffic::{Traffic, TrafficError};
+use cluster::topology::Topology;
+use machine::hardware::stats::octree_class;
+use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
+use machine::replay::plan::grid::Grid;
+use machine::replay::plan::setting::{Assignment, Policy, Setting};
+use machine::replay::{Trace, TraceError, parallel};
+use machine::tile_order;
+use trace::database::records::LEVELS;
+use trace::picture::{Sides, Tiling};
+use trace::preparation::PreparationError;
+use trace::tracer::RayKind;
+use trace::tracer::octree::Octree;
+use trace::tracer::octree::census::Census;
+
+/// How it is printed: raised with every change of meaning.
+pub const FORMAT: &str = "marti study sweep 1";
+/// More curves in one chart cannot be told apart.
+const CURVES_MAX: usize = 7;
+
+/// All that is found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sweep {
+    pub format: &'static str,
+    pub topology: String,
+    pub scene: String,
+    #[serde(flatten)]
+    pub octree: Octree,
+    pub database_bytes: u64,
+    pub tiling: Tiling,
+    /// By [`RayKind`].
+    pub rays: [u64; RayKind::COUNT],
+    pub levels: Vec<Level>,
+    /// A row a combination.
+    pub rows: Vec<Row>,
+    /// LRU memories of all sizes, fully associative, interleaved; by line and nodes.
+    pub traffic: Vec<Traffic>,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    #[error(transparent)]
+    Preparation(#[from] PreparationError),
+    #[error(transparent)]
+    Traced(#[from] TracedError),
+    #[error(transparent)]
+    Traffic(#[from] TrafficError),
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// The combinations cannot be.
+    #[error("{0}")]
+    Grid(String),
+}
+
+/// How many times `tell` is called.
+pub const STEPS: u32 = 3;
+
+impl Sweep {
+    /// Traces the topology's scene once, and replays it through every combination; what `grid` does not say is as in
+    /// the topology. With `timings` nodes share their buses, in cycles of the topology's costs.
+    ///
+    /// # Errors
+    /// The scene cannot be read or is too large, there is no room for its references, or a combination cannot be.
+    pub fn study(topology: &Topology, grid: &Grid, timings: bool, tell: impl Fn(&str)) -> Result<Self, SweepError> {
+        let base =
+            Setting { assignment: assignment(topology), ..Setting::recorded(&topology.cluster, topology.run.order) };
+        let settings = grid.settings(base).map_err(SweepError::Grid)?;
+        if settings.iter().any(|setting| setting.assignment == Assignment::Recorded) {
+            return Err(SweepError::Grid("nothing is recorded: expected interleaved or on-demand".to_owned()));
+        }
+        tell(&format!("{}: tracing", topology.scene));
+        let prepared = topology.prepare()?;
+        let image = prepared.view.image;
+        let tiling = topology.image.tiling(image.width(), image.height()).map_err(SweepError::Grid)?;
+        let run = Run {
+            scene: topology.scene.to_string(),
+            octree: topology.octree,
+            tiling,
+            seed: topology.run.seed,
+            processor: topology.cluster.processor,
+            bus: topology.cluster.bus,
+        };
+        let traced = Traced::new(run, &prepared)?;
+        tell(&format!("{} settings", settings.len()));
+        let evaluation = Evaluation { timings, ..Evaluation::default() };
+        let rows = evaluate(&traced, &settings, &evaluation, |_| {})?;
+        tell("memories of all sizes");
+        let census = Census::of(&prepared.database);
+        let mut accesses = [0; LEVELS];
+        for (level, accesses) in (0..).zip(&mut accesses) {
+            *accesses = traced.reads.counters.iter().map(|kind| kind[octree_class(level)].record_accesses).sum();
+        }
+        Ok(Self {
+            format: FORMAT,
+            topology: topology.name.clone(),
+            scene: traced.scene.clone(),
+            octree: traced.octree,
+            database_bytes: traced.layout.image_bytes(),
+            tiling,
+            rays: traced.rays,
+            levels: levels::levels(&census, &accesses),
+            traffic: curves(&traced, &settings)?,
+            rows,
+        })
+    }
+
+    /// Scene, octree and image.
+    pub fn heading(&self) -> String {
+        let Sides { width, height, tile_width, tile_height } = self.tiling.sides();
+        format!(
+            "{}, {}, database of {} bytes; {width}x{height} pixels in tiles of {tile_width}x{tile_height}, {} rays",
+            self.scene,
+            octree(self.octree),
+            self.database_bytes,
+            self.rays.iter().sum::<u64>()
+        )
+    }
+}
+
+fn assignment(topology: &Topology) -> Assignment {
+    match topology.run.assignment {
+        tile_order::Assignment::OnDemand => Assignment::OnDemand,
+        tile_order::Assignment::Interleaved => Assignment::Interleaved,
+    }
+}
+
+/// Of each line, order and number of nodes among the settings.
+fn curves<T: Trace>(traced: &Traced<T>, settings: &[Setting]) -> Result<Vec<Traffic>, TrafficError> {
+    let mut clusters = Vec::new();
+    let mut sizes = Vec::new();
+    for setting in settings {
+        let cluster = (setting.line, setting.tile_order, setting.nodes);
+        if !clusters.contains(&cluster) {
+            clusters.push(cluster);
+        }
+        if !sizes.contains(&setting.local_memory) {
+            sizes.push(setting.local_memory);
+        }
+    }
+    let traffic = |&(line, order, nodes): &_| Traffic::new(traced, line, order, nodes, &sizes);
+    parallel::map(&clusters, traffic).into_iter().collect()
+}
+
+/// Charts, then the table, which is `text`.
+pub fn page(sweep: &Sweep, text: String) -> Page {
+    let mut figures = vec![bytes(sweep), misses(sweep)];
+    figures.extend(efficiency(sweep));
+    figures.push(by_level(sweep));
+    Page { title: format!("Sweep of {}", sweep.topology), introduction: sweep.heading(), figures, text }
+}
+
+/// What stands below a chart of curves.
+fn caption(sweep: &Sweep) -> String {
+    let left_out = sweep.traffic.len().saturating_sub(CURVES_MAX);
+    let left_out = if left_out == 0 { String::new() } else { format!(" {left_out} more are in study.json.") };
+    format!("{}, {}; LRU, fully associative; tiles interleaved.{left_out}", sweep.scene, octree(sweep.octree))
+}
+
+fn by_size(sweep: &Sweep, of: impl Fn(&Traffic, u64, u64) -> f64) -> Vec<Series> {
+    let series = |traffic: &Traffic| Series {
+        name: format!("{} nodes, lines of {}", traffic.nodes, traffic.conditions.line_bytes),
+        points: curve(traffic, |point| of(traffic, point.misses, point.bus_bytes)),
+        style: Style::Line,
+    };
+    sweep.traffic.iter().take(CURVES_MAX).map(series).collect()
+}
+
+fn bytes(sweep: &Sweep) -> Figure {
+    let series = by_size(sweep, |_, _, bytes| bytes as f64 * 1e-6);
+    let (x, y) = (shares(), Axis::from_zero("million bytes on the bus", most(&series)));
+    let chart = Chart { title: "Bytes on the bus by size of the local memory".to_owned(), x, y, series };
+    Figure { chart, caption: caption(sweep) }
+}
+
+fn misses(sweep: &Sweep) -> Figure {
+    let accesses = |traffic: &Traffic| traffic.sizes.first().map_or(1, |size| size.counts.record_accesses.max(1));
+    let series = by_size(sweep, |traffic, misses, _| misses as f64 / accesses(traffic) as f64);
+    let (x, y) = (shares(), Axis::from_zero("misses / record accesses", most(&series)));
+    let chart = Chart { title: "Misses by size of the local memory".to_owned(), x, y, series };
+    Figure { chart, caption: caption(sweep) }
+}
+
+/// By nodes, if the buses were simulated for several numbers of them: one line a combination of all else.
+fn efficiency(sweep: &Sweep) -> Option<Figure> {
+    let mut all: Vec<(Setting, Series)> = Vec::new();
+    for row in sweep.rows.iter().filter(|row| row.setting.clusters == 1) {
+        let at = (f64::from(row.setting.nodes), 100.0 * row.efficiency?);
+        let setting = Setting { nodes: 1, ..row.setting };
+        match all.iter_mut().find(|(other, _)| *other == setting) {
+            Some((_, series)) => series.points.push(at),
+            None => all.push((setting, Series { name: name(&setting), points: vec![at], style: Style::Marked })),
+        }
+    }
+    let mut series: Vec<Series> = all.into_iter().map(|(_, series)| series).take(CURVES_MAX).collect();
+    series.iter_mut().for_each(|series| series.points.sort_by(|a, b| a.0.total_cmp(&b.0)));
+    let last = sweep.rows.iter().map(|row| row.setting.nodes).max().filter(|&nodes| nodes > 1)?;
+    let (x, y) = (charts::node_axis(last), Axis::from_zero("per cent", 100.0));
+    let title = "Efficiency: share of compute in compute and waiting for the bus".to_owned();
+    let caption = "Simulated, in cycles of the topology's costs.".to_owned();
+    Some(Figure { chart: Chart { title, x, y, series }, caption })
+}
+
+fn name(setting: &Setting) -> String {
+    let Setting { local_memory, line, ways, replacement, bus_width, .. } = setting;
+    let ways = ways.map_or_else(String::new, |ways| format!(", {ways} ways"));
+    let policy = match replacement {
+        Policy::Lru => String::new(),
+        other => format!(", {other:?}").to_lowercase(),
+    };
+    format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {bus_width}")
+}
+
+fn by_level(sweep: &Sweep) -> Figure {
+    let series = charts::levels(&sweep.levels, "", Style::Marked).to_vec();
+    let (x, y) = (charts::level_axis(&series), Axis::from_zero("per cent", most(&series)));
+    let chart = Chart { title: "Nodes and accesses by octree level".to_owned(), x, y, series };
+    Figure { chart, caption: format!("{}, {}; all rays.", sweep.scene, octree(sweep.octree)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::study::published::share;
+    use cluster::topology::Override;
+
+    fn topology(overrides: &[&str]) -> Topology {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../topologies/teapot.toml");
+        let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
+        Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    const SMALL: [&str; 4] = ["scene.size=2", "image.width=32", "image.height=32", "image.tile=4"];
+
+    #[test]
+    fn every_combination_is_a_row_and_lies_on_its_curve() {
+        let topology = topology(&[&SMALL[..], &["run.assignment=interleaved"]].concat());
+        let grid =
+            Grid { local_memory: vec![share(8), share(2)], line: vec![16, 64], nodes: vec![1, 3], ..Grid::default() };
+        let sweep = Sweep::study(&topology, &grid, true, |_| ()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((sweep.rows.len(), sweep.traffic.len()), (8, 4));
+        for row in &sweep.rows {
+            let of = |t: &&Traffic| (t.conditions.line_bytes, t.nodes) == (row.setting.line, row.setting.nodes);
+            let traffic = sweep.traffic.iter().find(of).expect("a curve");
+            let size = traffic.size(row.setting.local_memory).expect("a size");
+            assert_eq!((row.counts.misses, row.counts.words_moved, row.counts.words_read), {
+                (size.counts.misses, size.counts.words_moved, size.counts.words_read)
+            });
+            assert!(row.exact && row.efficiency.is_some());
+        }
+        assert_eq!(sweep.rays[RayKind::Primary as usize], 32 * 32);
+        let page = page(&sweep, "table".to_owned());
+        assert_eq!(page.figures.len(), 4);
+        assert_eq!(page.figures[2].chart.series.len(), 4, "a line a combination of memory and line");
+    }
+
+    #[test]
+    fn nothing_is_recorded() {
+        let grid = Grid { assignment: vec![Assignment::Recorded], ..Grid::default() };
+        let error = Sweep::study(&topology(&SMALL), &grid, false, |_| ()).expect_err("nothing is recorded");
+        assert_eq!(error.to_string(), "nothing is recorded: expected interleaved or on-demand");
+    }
+}

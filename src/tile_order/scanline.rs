@@ -1,8 +1,0 @@
-//! Row by row from the top.
-
-use crate::ids::TileId;
-use crate::picture::Tiling;
-
-pub(super) fn tiles(tiling: Tiling) -> Vec<TileId> {
-    (0..tiling.tile_count()).map(TileId).collect()
-}
