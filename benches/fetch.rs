@@ -86,7 +86,7 @@ fn compare(placement: &str, keys: &Keys, client: usize, server: usize) -> Result
     let (request_bytes, reply_bytes) = frame_bytes()?;
     let pong = start_pong(request_bytes, reply_bytes)?;
     pin(client)?;
-    store(bus, &keys.manager, layout.image_bytes())?;
+    store(bus, &keys.manager, layout.database_bytes())?;
     let mut lines = BusLines::connect(ClusterId(0), bus, &introduction(Role::Node(NodeId(0)), &keys.node))?;
     let mut raw = TcpStream::connect(pong)?;
     raw.set_nodelay(true)?;
@@ -99,7 +99,7 @@ fn compare(placement: &str, keys: &Keys, client: usize, server: usize) -> Result
             Ok(raw.read_exact(&mut reply)?)
         })?);
         fetches.push(nanoseconds_a_trip(|trip| {
-            let line = (round as u64 * 7919 + u64::from(trip)) % (layout.image_bytes() / LINE_BYTES as u64);
+            let line = (round as u64 * 7919 + u64::from(trip)) % (layout.database_bytes() / LINE_BYTES as u64);
             Ok(lines.fetch(&fetch(line), &mut reply[..LINE_BYTES])?)
         })?);
     }

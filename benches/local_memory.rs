@@ -24,7 +24,7 @@ fn layout() -> Layout {
 fn cluster_memory() -> ClusterMemory {
     let layout = layout();
     let mut memory = ClusterMemory::new(&layout);
-    memory.store(Address(0), &vec![1; layout.image_bytes() as usize]).expect("in order");
+    memory.store(Address(0), &vec![1; layout.database_bytes() as usize]).expect("in order");
     memory
 }
 

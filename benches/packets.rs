@@ -24,7 +24,7 @@ fn main() {
         println!(
             "{scene}: {} bytes derived, {} of the database",
             bvh.bytes(),
-            prepared.database.database().header.layout.image_bytes()
+            prepared.database.database().header.layout.database_bytes()
         );
         counts(&prepared, &bvh);
         speeds(&prepared, &bvh);

@@ -10,17 +10,17 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use ground::processor_time;
 use machine::hardware::local_memory::Geometry;
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
-use machine::replay::model::count::{Counters, Replayer, Sum};
 use machine::replay::model::curve::curve;
 use machine::replay::model::optimal::optimal;
+use machine::replay::model::replayer::{Counters, Replayer, Sum};
 use machine::replay::stream::reads;
 use machine::replay::{Captured, Lines, RecordLines, Trace};
 use trace::picture::{ImageSettings, Sides, Tiling};
 use trace::preparation::{Fallback, prepare};
-use trace::render::thread_cpu;
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
@@ -122,9 +122,9 @@ impl Measured {
     }
 
     fn turn<T>(&mut self, work: impl FnOnce() -> T) -> T {
-        let start = thread_cpu();
+        let start = processor_time::of_this_thread();
         let result = work();
-        self.times.push(thread_cpu().saturating_sub(start));
+        self.times.push(processor_time::of_this_thread().saturating_sub(start));
         result
     }
 

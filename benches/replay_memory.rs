@@ -86,7 +86,7 @@ fn record(folder: &Path, wanted: u64) {
         tiling: Tiling::new(Sides { height: side * times, ..tiling.sides() }).expect("possible"),
         octree_levels: octree_levels(&prepared.database),
         scene_sha256: String::new(),
-        local_bytes: header.layout.image_bytes() / 8,
+        local_bytes: header.layout.database_bytes() / 8,
     };
     seal.put(folder, 0, |_| true).expect("written");
 }

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         eprintln!("warning: {fault}");
     }
     let recording = opened.recording;
-    println!("{} references of records, database of {} bytes", recording.references, recording.layout.image_bytes());
+    println!("{} references of records, database of {} bytes", recording.references, recording.layout.database_bytes());
 
     let recorded = Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order);
     let sizes = [2, 4, 8, 16, 32].map(|denominator| MemorySize::Share { numerator: 1, denominator });

@@ -7,7 +7,7 @@ use marti::machine::local_memory::Geometry;
 use marti::machine::replacement::{Lru, Replacement};
 use marti::machine::specification::{self, LocalMemory, MemorySize};
 use marti::picture::{Sides, Tiling};
-use marti::replay::count::{Replayer, Sum};
+use marti::replay::replayer::{Replayer, Sum};
 use marti::replay::{Captured, RecordLines};
 use marti::{Fallback, ImageSettings, Octree, SceneSource, build_database, view};
 

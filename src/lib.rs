@@ -34,7 +34,7 @@
 //! use marti::machine::specification::{LocalMemory, MemorySize, Replacement};
 //! use marti::machine::{local_memory::Geometry, replacement::Lru};
 //! use marti::picture::{Sides, Tiling};
-//! use marti::replay::count::{Replayer, Sum};
+//! use marti::replay::replayer::{Replayer, Sum};
 //! use marti::replay::{Captured, RecordLines};
 //! # use marti::{Fallback, ImageSettings, Octree, SceneSource, build_database, view};
 //! # let scene = "teapot:2".parse::<SceneSource>()?.load()?;

@@ -9,10 +9,10 @@ mod kind;
 mod machine;
 #[path = "../benches/surroundings/memory_group.rs"]
 mod memory_group;
+#[path = "../benches/surroundings/namespaces.rs"]
+mod namespaces;
 #[path = "../benches/surroundings/pipes.rs"]
 mod pipes;
-#[path = "../benches/surroundings/place.rs"]
-mod place;
 #[path = "../benches/surroundings/random.rs"]
 mod random;
 #[path = "../benches/surroundings/surroundings.rs"]

@@ -12,7 +12,7 @@ use machine::hardware::references::{RecordNumbers, Recorder};
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::{Arbiter, LocalMemory as Specification, MemorySize, Replacement};
 use machine::hardware::transaction::Initiator;
-use machine::replay::model::count::{Replayer, Sum};
+use machine::replay::model::replayer::{Replayer, Sum};
 use machine::replay::model::stack_distance::LruStack;
 use machine::replay::stream::captured::Captured;
 use machine::replay::stream::lines::RecordLines;

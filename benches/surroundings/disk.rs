@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use nix::sys::statvfs::statvfs;
 
-use crate::place::tool;
+use crate::namespaces::tool;
 use crate::surroundings::{Deed, Surroundings};
 
 pub(crate) struct Disk {

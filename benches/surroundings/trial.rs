@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::kind::{End, Kind};
 use crate::machine;
-use crate::place::{Place, mount_memory};
+use crate::namespaces::{Namespaces, mount_memory};
 use crate::random::Random;
 use crate::surroundings::Surroundings;
 use crate::undisturbed::undisturbed;
@@ -97,8 +97,8 @@ impl Trial {
     /// Why it cannot be done here.
     pub(crate) fn run(&self, room: &Path, expected: &Expected, keep: Option<&Path>) -> Result<Outcome, String> {
         let run = || {
-            let place = Place::enter(room)?;
-            let outcome = self.run_in(&place, expected)?;
+            let namespaces = Namespaces::enter(room)?;
+            let outcome = self.run_in(&namespaces, expected)?;
             if let Some(keep) = keep.filter(|_| !outcome.faults.is_empty()) {
                 let to = keep.join(format!("{}-{}", self.kind.name(), self.seed));
                 fs::create_dir_all(&to).map_err(|error| format!("{}: {error}", to.display()))?;
@@ -111,9 +111,9 @@ impl Trial {
         std::thread::scope(|scope| scope.spawn(run).join().map_err(|_| "the harness panicked".to_owned())?)
     }
 
-    fn run_in(&self, place: &Place, expected: &Expected) -> Result<Outcome, String> {
+    fn run_in(&self, namespaces: &Namespaces, expected: &Expected) -> Result<Outcome, String> {
         let (start, devices) = (Instant::now(), machine::devices());
-        let disk = place.room.join("disk");
+        let disk = namespaces.room.join("disk");
         fs::create_dir(&disk).map_err(|error| format!("{}: {error}", disk.display()))?;
         mount_memory(&disk, "mode=1777")?;
         let mut outcome = Outcome { ends: vec![], done: vec![], confirmed: vec![], faults: vec![], seconds: 0.0 };
@@ -123,7 +123,7 @@ impl Trial {
             if number > 0 && !out.join("topology.toml").is_file() {
                 out = disk.join(format!("out-{number}"));
             }
-            let attempt = self.attempt(place, surroundings, &out, number)?;
+            let attempt = self.attempt(namespaces, surroundings, &out, number)?;
             let end = attempt.end;
             self.judge(&attempt, surroundings, &out, expected, &mut outcome);
             outcome.take(attempt);
@@ -131,7 +131,7 @@ impl Trial {
                 break;
             }
         }
-        self.resume_undisturbed(place, &mut out, expected, &mut outcome)?;
+        self.resume_undisturbed(namespaces, &mut out, expected, &mut outcome)?;
         if machine::devices() != devices {
             outcome.faults.push(format!("devices changed: {:?}", machine::devices()));
         }
@@ -142,16 +142,16 @@ impl Trial {
     /// Must always end well.
     fn resume_undisturbed(
         &self,
-        place: &Place,
+        namespaces: &Namespaces,
         out: &mut std::path::PathBuf,
         expected: &Expected,
         outcome: &mut Outcome,
     ) -> Result<(), String> {
         let calm = Surroundings::calm();
         if !out.join("topology.toml").is_file() {
-            *out = place.room.join("disk/anew");
+            *out = namespaces.room.join("disk/anew");
         }
-        let mut attempt = self.attempt(place, &Surroundings { user: self.disturbed[0].user, ..calm }, out, 9)?;
+        let mut attempt = self.attempt(namespaces, &Surroundings { user: self.disturbed[0].user, ..calm }, out, 9)?;
         if attempt.end != End::Code(0) {
             outcome.faults.push(format!("undisturbed resume: {:?}: {}", attempt.end, attempt.error()));
         }
@@ -161,7 +161,13 @@ impl Trial {
         Ok(())
     }
 
-    fn attempt(&self, place: &Place, surroundings: &Surroundings, out: &Path, n: usize) -> Result<Attempt, String> {
+    fn attempt(
+        &self,
+        namespaces: &Namespaces,
+        surroundings: &Surroundings,
+        out: &Path,
+        n: usize,
+    ) -> Result<Attempt, String> {
         let path = out.display().to_string();
         let mut arguments = vec!["run".to_owned()];
         if out.join("topology.toml").is_file() {
@@ -172,7 +178,7 @@ impl Trial {
         }
         // Pixels alone: what says how far the run is need not be exact.
         let bytes = 12 * u64::from(self.side) * u64::from(self.side);
-        attempt(place, surroundings, &arguments, (&out.join("tiles"), bytes), &format!("stream-{n}"))
+        attempt(namespaces, surroundings, &arguments, (&out.join("tiles"), bytes), &format!("stream-{n}"))
     }
 
     fn judge(

@@ -12,8 +12,8 @@ use nix::sys::signal::Signal;
 use crate::disk::Disk;
 use crate::kind::End;
 use crate::memory_group::MemoryGroup;
+use crate::namespaces::{Namespaces, Process, tool};
 use crate::pipes::Pipes;
-use crate::place::{Place, Process, tool};
 use crate::surroundings::{Deed, Limit, Surroundings, Targets, When};
 
 /// A run that takes longer hangs.
@@ -56,7 +56,7 @@ pub(crate) struct Attempt {
 }
 
 pub(crate) struct Watch<'a> {
-    place: &'a Place,
+    namespaces: &'a Namespaces,
     surroundings: &'a Surroundings,
     disk: Disk,
     manager: u32,
@@ -72,22 +72,22 @@ pub(crate) struct Watch<'a> {
 
 /// Runs `marti` in these surroundings. `journal` and its whole size say how far the run is; `name` is that of its streams.
 pub(crate) fn attempt(
-    place: &Place,
+    namespaces: &Namespaces,
     surroundings: &Surroundings,
     arguments: &[String],
     (journal, journal_bytes): (&Path, u64),
     name: &str,
 ) -> Result<Attempt, String> {
-    let disk = Disk::new(place.room.join("disk"), surroundings)?;
+    let disk = Disk::new(namespaces.room.join("disk"), surroundings)?;
     let group = surroundings.memory_bytes.map(MemoryGroup::new).transpose()?;
 
     let mut command = Command::new("sh");
-    let mut pipes = Pipes::attach(&mut command, surroundings.streams, &place.room, &disk.folder, name);
+    let mut pipes = Pipes::attach(&mut command, surroundings.streams, &namespaces.room, &disk.folder, name);
     let joins = group.as_ref().map(|group| format!("echo $$ >{}/cgroup.procs; ", group.folder.display()));
     let script = format!("{}exec \"$@\"{}", joins.unwrap_or_default(), pipes.closings());
     command.args(["-c", &script, "sh", "prlimit"]);
     command.args(surroundings.limits.iter().map(Limit::option)).arg(env!("CARGO_BIN_EXE_marti")).args(arguments);
-    command.current_dir(&place.room).env_remove("MARTI_LOG");
+    command.current_dir(&namespaces.room).env_remove("MARTI_LOG");
     if let Some(user) = surroundings.user {
         std::os::unix::process::CommandExt::uid(&mut command, user);
     }
@@ -97,7 +97,7 @@ pub(crate) fn attempt(
 
     let confirmed = std::mem::take(&mut pipes.confirmed);
     let mut watch = Watch {
-        place,
+        namespaces,
         surroundings,
         disk,
         manager: manager.id(),
@@ -204,7 +204,7 @@ impl Watch<'_> {
     fn choose(&self, to: Targets) -> Vec<Process> {
         let is_manager = |process: &Process| process.pid == self.manager;
         let (mut chosen, mut children): (Vec<Process>, Vec<Process>) =
-            self.place.processes().into_iter().partition(is_manager);
+            self.namespaces.processes().into_iter().partition(is_manager);
         // Until a child is its own program, its parent waits for it in the kernel: stopping it stops both.
         children.retain(|process| process.name != "marti");
         if !to.manager {
@@ -239,7 +239,7 @@ impl Watch<'_> {
     fn look_after_abandoned(&mut self) {
         let Some(since) = self.abandoned else { return };
         let children: Vec<Process> =
-            self.place.processes().into_iter().filter(|process| process.pid != self.manager).collect();
+            self.namespaces.processes().into_iter().filter(|process| process.pid != self.manager).collect();
         let is_late = since.elapsed() > ORPHAN_PATIENCE;
         if is_late {
             self.attempt.faults.extend(children.iter().map(|child| format!("orphan: {}", child.whereabouts())));
@@ -270,14 +270,14 @@ impl Watch<'_> {
     fn finish(mut self, manager: &mut Child, mut pipes: Pipes, group: Option<MemoryGroup>) -> Attempt {
         self.confirm_by_end();
         if self.attempt.end == End::Hang {
-            let stands: Vec<String> = self.place.processes().iter().map(Process::whereabouts).collect();
+            let stands: Vec<String> = self.namespaces.processes().iter().map(Process::whereabouts).collect();
             self.attempt.faults.push(format!("hang: {}", stands.join(", ")));
-            self.place.processes().iter().for_each(|process| process.signal(Signal::SIGKILL));
+            self.namespaces.processes().iter().for_each(|process| process.signal(Signal::SIGKILL));
             manager.wait().expect("our own child");
         }
         // A stopped process cannot end by itself.
         self.stopped.iter().for_each(|(process, _)| process.signal(Signal::SIGCONT));
-        for orphan in self.place.left_after(ORPHAN_PATIENCE) {
+        for orphan in self.namespaces.left_after(ORPHAN_PATIENCE) {
             self.attempt.faults.push(format!("orphan: {}", orphan.whereabouts()));
             orphan.signal(Signal::SIGKILL);
         }

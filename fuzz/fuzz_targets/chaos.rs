@@ -2,10 +2,10 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use cluster::chaos::{Cast, Schedule};
+use cluster::chaos::{Cast, FaultSchedule};
 
 fuzz_target!(|text: &str| {
-    let Ok(schedule) = text.parse::<Schedule>() else { return };
+    let Ok(schedule) = text.parse::<FaultSchedule>() else { return };
     assert_eq!(schedule.to_string().parse(), Ok(schedule.clone()));
     let _ = schedule.faults(Cast { clusters: 2, nodes: 5 });
 });

@@ -41,7 +41,7 @@ fuzz_target!(|data: &[u8]| {
         scene_primitives: 1,
     };
     let mut bytes = data.to_vec();
-    bytes.resize(header.layout.image_bytes() as usize, 0);
+    bytes.resize(header.layout.database_bytes() as usize, 0);
     let view = view_of(Camera::framing(None));
     unseen(&header, &bytes, &view);
     let words = bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();

@@ -15,7 +15,7 @@ fuzz_target!(|data: &[u8]| {
         _ => oracle_general::read(file, bytes),
     };
     if let Ok(imported) = imported {
-        assert!(imported.image_bytes() > 0 || imported.references() == 0);
+        assert!(imported.database_bytes() > 0 || imported.references() == 0);
         let _ = [16, 256].map(|line_bytes| imported.lines(line_bytes));
     }
 });

@@ -5,6 +5,7 @@ pub mod floating_point;
 pub mod ids;
 pub mod outlet;
 pub mod patient_file;
+pub mod processor_time;
 pub mod progress;
 pub mod pulse;
 pub mod regular_file;

@@ -9,8 +9,6 @@ use std::sync::{Mutex, MutexGuard};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use nix::time::{ClockId, clock_gettime};
-
 use crate::database::verify::Verified;
 use crate::image_file::{FrameBuffer, FrameBufferError};
 use crate::picture::{AovSet, ImageSettings, Pixels, Rect, Sides, Tiling};
@@ -19,6 +17,7 @@ use crate::tracer::simd::Simd;
 use crate::tracer::slices::Slices;
 use crate::tracer::{TileTracer, TraceStats, View};
 use ground::ids::TileId;
+use ground::processor_time;
 use ground::progress::Status;
 
 /// Pixels a side: large enough that handing one out costs nothing, small enough to balance threads.
@@ -117,7 +116,7 @@ pub fn render(
     let (next, done, rays) = (AtomicU32::new(0), AtomicU32::new(0), AtomicU64::new(0));
     let start = Instant::now();
     let worker = || {
-        let cpu_at_start = thread_cpu();
+        let cpu_at_start = processor_time::of_this_thread();
         let mut tracer = Tracer::new(database, view, settings.kernel);
         let (mut stats, mut finished) = (TraceStats::default(), Vec::with_capacity(KEPT));
         while let Some(rect) = tiling.rect(TileId(next.fetch_add(1, Ordering::Relaxed))) {
@@ -139,7 +138,7 @@ pub fn render(
             });
         }
         put(lock(&frame), &mut finished);
-        (stats, thread_cpu().saturating_sub(cpu_at_start))
+        (stats, processor_time::of_this_thread().saturating_sub(cpu_at_start))
     };
     let (mut stats, mut cpu, mut missing) = (TraceStats::default(), Duration::ZERO, None);
     thread::scope(|scope| {
@@ -213,9 +212,4 @@ pub fn tile_count(image: &ImageSettings) -> u32 {
 fn tiling(image: &ImageSettings) -> Tiling {
     let sides = Sides { width: image.width(), height: image.height(), tile_width: TILE, tile_height: TILE };
     Tiling::new(sides).expect("an image's sides, and 2048 times 2048 tiles at most")
-}
-
-/// Processor time of the calling thread; zero where the host does not tell.
-pub fn thread_cpu() -> Duration {
-    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map(Duration::from).unwrap_or_default()
 }

@@ -1,21 +1,12 @@
 //! A node that poses as another process: no other process is condemned for it.
 
-use crate::run::{COUNTED, VERIFIED, WHOLE, survives};
+use crate::run::{COUNTED, VERIFIED, WHOLE, modes, survives};
 
-#[test]
-fn posenode() {
-    survives("posenode", &[WHOLE]);
-    survives("posenode", &[COUNTED, VERIFIED]);
-}
-
-#[test]
-fn posetwice() {
-    survives("posetwice", &[COUNTED]);
-}
-
-#[test]
-fn posefuture() {
-    survives("posefuture", &[COUNTED]);
+modes! {
+    posenode: survives [WHOLE] [COUNTED, VERIFIED];
+    posetwice: survives [COUNTED];
+    posefuture: survives [COUNTED];
+    poseloader: survives [COUNTED];
 }
 
 #[test]
@@ -23,9 +14,4 @@ fn posemaster() {
     let outcome = survives("posemaster", &[COUNTED]);
     let lost = outcome.incidents().iter().any(|text| text.starts_with("the master: bus "));
     assert!(!lost, "the master lost its connection: {:?}", outcome.incidents());
-}
-
-#[test]
-fn poseloader() {
-    survives("poseloader", &[COUNTED]);
 }

@@ -216,3 +216,15 @@ impl Outcome {
         assert!(!files.is_empty(), "{mode}: no image");
     }
 }
+
+/// A test for each mode, of its name: what must be so with each of these options.
+macro_rules! modes {
+    ($($(#[$doc:meta])* $mode:ident: $($check:ident $([$($set:expr),*])+)+;)+) => {$(
+        $(#[$doc])*
+        #[test]
+        fn $mode() {
+            $($($check(stringify!($mode), &[$($set),*]);)+)+
+        }
+    )+};
+}
+pub(crate) use modes;

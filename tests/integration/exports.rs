@@ -16,8 +16,8 @@ use machine::replay::exporters::accesses::Surroundings;
 use machine::replay::exporters::chrome::ChromeTrace;
 use machine::replay::exporters::vcd::BusWaves;
 use machine::replay::exporters::{ExportError, csv, din, json, oracle_general};
-use machine::replay::model::count::{Replayer, Sum};
 use machine::replay::model::optimal::optimal;
+use machine::replay::model::replayer::{Replayer, Sum};
 use machine::replay::plan::setting::Setting;
 use machine::replay::{Lines, RecordLines, Trace};
 use serde_json::Value;
@@ -153,7 +153,8 @@ fn libcachesim_counts_the_same_misses() {
     let (path, count) =
         exported(out.path(), "x.bin", |file| oracle_general::write(file, &recording, &tiles, &lines, LINE_BYTES));
     let sizes = [64, 32, 16, 8, 4].map(|share| (lines.count() / share).max(16));
-    let geometries = sizes.map(|ways| Geometry { line_bytes: LINE_BYTES, image_lines: lines.count(), sets: 1, ways });
+    let geometries =
+        sizes.map(|ways| Geometry { line_bytes: LINE_BYTES, database_lines: lines.count(), sets: 1, ways });
 
     let mut arguments = vec![path.to_string_lossy().into_owned(), LINE_BYTES.to_string()];
     arguments.extend(sizes.iter().map(u32::to_string));
@@ -180,7 +181,7 @@ fn din_has_a_line_for_each_reference() {
     assert_eq!(text.lines().count() as u64, count);
     let address = |line: &str| u64::from_str_radix(line.strip_prefix("0 ").expect("a read"), 16).expect("an address");
     let places = text.lines().map(address);
-    assert!(places.into_iter().all(|address| address % 64 == 0 && address < recording.layout.image_bytes()));
+    assert!(places.into_iter().all(|address| address % 64 == 0 && address < recording.layout.database_bytes()));
 }
 
 /// What each node's process and the bus's show, added up; and the bus's wave forms, integrated over time.
@@ -261,6 +262,6 @@ fn python_adds_up_a_chrome_trace_and_wave_forms() {
         assert_eq!(read["last"], outcome.cycles);
         let addresses: Vec<u64> = serde_json::from_value(read["addresses"].clone()).expect("addresses");
         assert!(addresses.len() > 100, "{} addresses", addresses.len());
-        assert!(addresses.iter().all(|address| address % 64 == 0 && *address < recording.layout.image_bytes()));
+        assert!(addresses.iter().all(|address| address % 64 == 0 && *address < recording.layout.database_bytes()));
     }
 }

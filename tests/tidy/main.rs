@@ -148,7 +148,7 @@ fn the_core_is_pure() {
         forbid(core, &outer, &[], "the core does not know who uses it");
     }
     forbid("src/trace/tracer", &["machine", "cluster::topology"], &[], "the tracer reads through MemoryPort alone");
-    let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "verify"];
+    let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "recount"];
     let models = models.map(|model| format!("model/{model}"));
     for model in models.into_iter().chain(["stream/reads".to_owned(), "stream/captured".to_owned()]) {
         // Next uses are kept in an unnamed temporary file.
@@ -266,7 +266,7 @@ fn each_foreign_thing_has_its_place() {
     );
     forbid("src", &["rcgen"], &["src/cluster/keys"], "certificates are made in one folder");
     forbid("src", &["toml"], &["src/cluster/topology"], "only topologies are TOML");
-    forbid("src", &["plotters"], &["src/program/study/plot.rs"], "charts are drawn in one file");
+    forbid("src", &["plotters"], &["src/program/study/page/plot.rs"], "charts are drawn in one file");
     forbid("src", &[".mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
 }
 

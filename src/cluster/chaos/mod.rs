@@ -1,6 +1,6 @@
 //! Faults on purpose: what is to happen to which process of a run, and when (docs/chaos.md).
 //!
-//! Pure: a [`Schedule`] is what a person wrote, the [`Planner`] says which of its faults are due. Whoever
+//! Pure: a [`FaultSchedule`] is what a person wrote, the [`Planner`] says which of its faults are due. Whoever
 //! carries them out does so behind the back of what must survive them.
 
 mod longest_wait;
@@ -14,13 +14,13 @@ use std::time::Duration;
 pub use longest_wait::LongestWait;
 pub use parser::ParseError;
 pub use planner::{Planner, Progress};
-pub use schedule::{Cast, NoSuchPlace, Schedule};
+pub use schedule::{Cast, FaultSchedule, NoSuchSlot};
 
 use ground::ids::{ClusterId, NodeId};
 
-/// What happens to `on`, and when: a [`Target`] as written, a [`Place`] once it is known how many there are.
+/// What happens to `on`, and when: a [`Target`] as written, a [`ProcessSlot`] once it is known how many there are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Fault<On = Place> {
+pub struct Fault<On = ProcessSlot> {
     pub deed: Deed,
     pub on: On,
     pub when: When,
@@ -38,16 +38,16 @@ pub enum Deed {
     Corrupt,
 }
 
-/// Where a process stands, whichever holds that place.
+/// A process of the topology, whichever one it is at the time.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub enum Place {
+pub enum ProcessSlot {
     Bus(ClusterId),
     Master(ClusterId),
     Node(NodeId),
     Display,
 }
 
-/// Some place, or a certain one.
+/// Any process of a kind, or a certain one.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Target {
     pub kind: Kind,
@@ -98,7 +98,7 @@ impl Seconds {
     }
 }
 
-impl Place {
+impl ProcessSlot {
     fn kind(self) -> Kind {
         match self {
             Self::Bus(_) => Kind::Bus,
@@ -109,14 +109,14 @@ impl Place {
     }
 }
 
-impl From<Place> for Target {
-    fn from(place: Place) -> Self {
-        let number = match place {
-            Place::Bus(cluster) | Place::Master(cluster) => Some(cluster.0),
-            Place::Node(node) => Some(node.0),
-            Place::Display => None,
+impl From<ProcessSlot> for Target {
+    fn from(slot: ProcessSlot) -> Self {
+        let number = match slot {
+            ProcessSlot::Bus(cluster) | ProcessSlot::Master(cluster) => Some(cluster.0),
+            ProcessSlot::Node(node) => Some(node.0),
+            ProcessSlot::Display => None,
         };
-        Self { kind: place.kind(), number }
+        Self { kind: slot.kind(), number }
     }
 }
 

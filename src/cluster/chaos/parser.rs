@@ -12,7 +12,7 @@
 
 use std::str::FromStr;
 
-use super::schedule::{Entry, FAULTS_MAX, Schedule};
+use super::schedule::{Entry, FAULTS_MAX, FaultSchedule};
 use super::{Deed, Fault, Kind, Percent, Seconds, Target, When};
 
 const BYTES_MAX: usize = 16 << 10;
@@ -29,7 +29,7 @@ pub struct ParseError {
     pub what: String,
 }
 
-impl FromStr for Schedule {
+impl FromStr for FaultSchedule {
     type Err = ParseError;
 
     fn from_str(text: &str) -> Result<Self, ParseError> {
@@ -48,7 +48,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn schedule(&mut self) -> Result<Schedule, ParseError> {
+    fn schedule(&mut self) -> Result<FaultSchedule, ParseError> {
         let (mut entries, mut seed, mut faults) = (Vec::new(), None, 0);
         loop {
             self.skip_space();
@@ -76,7 +76,7 @@ impl<'a> Reader<'a> {
         if entries.is_empty() {
             return Err(self.expected("a fault"));
         }
-        Ok(Schedule { entries, seed: seed.unwrap_or(SEED) })
+        Ok(FaultSchedule { entries, seed: seed.unwrap_or(SEED) })
     }
 
     fn entry(&mut self, start: usize, word: &str) -> Result<Entry, ParseError> {
@@ -273,12 +273,12 @@ mod tests {
     use super::*;
 
     fn refused(text: &str) -> String {
-        text.parse::<Schedule>().expect_err(text).to_string()
+        text.parse::<FaultSchedule>().expect_err(text).to_string()
     }
 
     #[test]
     fn space_does_not_matter() {
-        let schedule: Schedule =
+        let schedule: FaultSchedule =
             "kill node@10%; stop bus@30% for 2s; cut node 3@50% for 5s; corrupt node 2@60%; seed=7"
                 .parse()
                 .expect("the example");
@@ -335,7 +335,7 @@ mod tests {
     proptest! {
         #[test]
         fn nothing_panics(text in "(kill|stop|cut|corrupt|random|seed|node|bus|for|[ @;=().%s0-9äß\\PC]){0,20}") {
-            if let Ok(schedule) = text.parse::<Schedule>() {
+            if let Ok(schedule) = text.parse::<FaultSchedule>() {
                 prop_assert_eq!(schedule.to_string().parse(), Ok(schedule));
             }
         }

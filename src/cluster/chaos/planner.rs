@@ -47,12 +47,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::chaos::{Cast, Schedule};
+    use crate::chaos::{Cast, FaultSchedule};
 
     const CAST: Cast = Cast { clusters: 1, nodes: 3 };
 
     fn planner(text: &str) -> Planner {
-        Planner::new(text.parse::<Schedule>().expect("a schedule").faults(CAST).expect("of this cast"))
+        Planner::new(text.parse::<FaultSchedule>().expect("a schedule").faults(CAST).expect("of this cast"))
     }
 
     fn at(tiles_done: u32, seconds: f64) -> Progress {
@@ -94,7 +94,7 @@ mod tests {
             for (tiles, time, living) in steps {
                 (done, milliseconds) = ((done + tiles).min(39), milliseconds + time);
                 let progress = at(done, milliseconds as f64 / 1e3);
-                let lives = |fault: &Fault| matches!(fault.on, crate::chaos::Place::Node(n) if living[usize::from(n.0)]);
+                let lives = |fault: &Fault| matches!(fault.on, crate::chaos::ProcessSlot::Node(n) if living[usize::from(n.0)]);
                 while let Some(fault) = planner.due(progress, lives) {
                     prop_assert!(lives(&fault));
                     match fault.when {

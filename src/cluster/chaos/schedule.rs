@@ -5,7 +5,7 @@ use std::fmt;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::{Deed, Fault, Kind, Percent, Place, Seconds, Target, When};
+use super::{Deed, Fault, Kind, Percent, ProcessSlot, Seconds, Target, When};
 use ground::ids::{ClusterId, NodeId};
 
 /// More faults than this are refused, those of `random(N)` included.
@@ -13,7 +13,7 @@ pub(super) const FAULTS_MAX: usize = 256;
 
 /// Faults in the order in which they were written. Its text reads back as the same schedule.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Schedule {
+pub struct FaultSchedule {
     pub(super) entries: Vec<Entry>,
     /// Of all that is left to chance.
     pub(super) seed: u64,
@@ -22,7 +22,7 @@ pub struct Schedule {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Entry {
     Fault(Fault<Target>),
-    /// So many faults of any sort but `corrupt`, which only a verified run survives; on any place, or on one of these.
+    /// So many faults of any sort but `corrupt`, which only a verified run survives; on any slot, or on one of these.
     Random {
         count: u16,
         kind: Option<Kind>,
@@ -40,24 +40,24 @@ pub struct Cast {
 
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("`{fault}`: expected a {kind} from 0 to {last}")]
-pub struct NoSuchPlace {
+pub struct NoSuchSlot {
     fault: String,
     kind: Kind,
     last: u16,
 }
 
-impl Schedule {
-    /// Every fault with its place: the same for the same seed and cast.
+impl FaultSchedule {
+    /// Every fault with its slot: the same for the same seed and cast.
     ///
     /// # Errors
     /// A fault is on a process that does not take part.
-    pub fn faults(&self, cast: Cast) -> Result<Vec<Fault>, NoSuchPlace> {
+    pub fn faults(&self, cast: Cast) -> Result<Vec<Fault>, NoSuchSlot> {
         let mut chance = Chance(Pcg64::seed_from_u64(self.seed));
         let mut faults = Vec::new();
         for entry in &self.entries {
             match *entry {
                 Entry::Fault(fault) => {
-                    let on = place(&fault, cast, &mut chance)?;
+                    let on = slot(&fault, cast, &mut chance)?;
                     faults.push(Fault { deed: fault.deed, on, when: fault.when });
                 }
                 Entry::Random { count, kind } => faults.extend((0..count).map(|_| chance.fault(kind, cast))),
@@ -78,23 +78,23 @@ impl Cast {
     }
 }
 
-fn place(fault: &Fault<Target>, cast: Cast, chance: &mut Chance) -> Result<Place, NoSuchPlace> {
+fn slot(fault: &Fault<Target>, cast: Cast, chance: &mut Chance) -> Result<ProcessSlot, NoSuchSlot> {
     let Target { kind, number } = fault.on;
     let number = number.unwrap_or_else(|| chance.number(kind, cast));
     if number >= cast.count(kind) {
         let last = cast.count(kind).saturating_sub(1);
-        return Err(NoSuchPlace { fault: fault.to_string(), kind, last });
+        return Err(NoSuchSlot { fault: fault.to_string(), kind, last });
     }
-    Ok(kind.place(number))
+    Ok(kind.slot(number))
 }
 
 impl Kind {
-    fn place(self, number: u16) -> Place {
+    fn slot(self, number: u16) -> ProcessSlot {
         match self {
-            Self::Bus => Place::Bus(ClusterId(number)),
-            Self::Master => Place::Master(ClusterId(number)),
-            Self::Node => Place::Node(NodeId(number)),
-            Self::Display => Place::Display,
+            Self::Bus => ProcessSlot::Bus(ClusterId(number)),
+            Self::Master => ProcessSlot::Master(ClusterId(number)),
+            Self::Node => ProcessSlot::Node(NodeId(number)),
+            Self::Display => ProcessSlot::Display,
         }
     }
 }
@@ -119,7 +119,7 @@ impl Chance {
             2 => Kind::Display,
             _ => Kind::Node,
         });
-        let on = kind.place(self.number(kind, cast));
+        let on = kind.slot(self.number(kind, cast));
         let time = Seconds(100 * (1 + self.below(20)));
         let deed = match self.below(4) {
             0 => Deed::Stop(time),
@@ -130,7 +130,7 @@ impl Chance {
     }
 }
 
-impl fmt::Display for Schedule {
+impl fmt::Display for FaultSchedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for entry in &self.entries {
             match entry {
@@ -151,7 +151,7 @@ mod tests {
 
     const CAST: Cast = Cast { clusters: 2, nodes: 6 };
 
-    fn read(text: &str) -> Schedule {
+    fn read(text: &str) -> FaultSchedule {
         text.parse().expect("a schedule")
     }
 
@@ -180,7 +180,7 @@ mod tests {
         assert!(of(Kind::Node) > 15 && of(Kind::Bus) > 0 && of(Kind::Master) > 0 && of(Kind::Display) > 0);
         assert!(faults(3).iter().all(|fault| fault.deed != Deed::Corrupt));
         let nodes = read("random(40 node)").faults(CAST).expect("in it");
-        assert!((0..6).all(|node| nodes.iter().any(|fault| fault.on == Place::Node(NodeId(node)))));
+        assert!((0..6).all(|node| nodes.iter().any(|fault| fault.on == ProcessSlot::Node(NodeId(node)))));
     }
 
     fn entry() -> impl Strategy<Value = Entry> {
@@ -208,7 +208,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_schedule_reads_back(entries in proptest::collection::vec(entry(), 1..12), seed: u64) {
-            let schedule = Schedule { entries, seed };
+            let schedule = FaultSchedule { entries, seed };
             prop_assert_eq!(schedule.to_string().parse(), Ok(schedule.clone()));
             // So does what came of it.
             if let Ok(faults) = schedule.faults(Cast { clusters: u16::MAX, nodes: u16::MAX }) {

@@ -169,9 +169,9 @@ impl Conservation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sample;
+    use crate::report::fixture;
 
-    /// Two nodes of the sample (50 record misses and 55 line misses of 32 bytes each), 3 fetches of 4 lines
+    /// Two nodes of the fixture (50 record misses and 55 line misses of 32 bytes each), 3 fetches of 4 lines
     /// lost with a node, 5 tiles of which 4 are done after one was issued again.
     fn balanced<'a>(nodes: &'a [NodeBook], clusters: &'a [ClusterBook]) -> Books<'a> {
         Books { nodes, clusters, line_bytes: 32, tiles_total: 5, tiles_done: 4, tiles_resumed: 0, tiles_missing: 1 }
@@ -179,7 +179,7 @@ mod tests {
 
     fn cluster() -> ClusterBook {
         let mut missed = Counters::default();
-        (0..2).for_each(|_| missed.add(&sample::memory_stats().total()));
+        (0..2).for_each(|_| missed.add(&fixture::memory_stats().total()));
         ClusterBook {
             name: String::new(),
             told_done: 4,
@@ -203,11 +203,11 @@ mod tests {
         }
     }
 
-    /// The sample has 450 accesses to octree nodes and 40 to triangles.
+    /// The fixture has 450 accesses to octree nodes and 40 to triangles.
     fn nodes() -> Vec<NodeBook> {
         let mut trace = TraceStats { primitive_tests: 40, ..TraceStats::default() };
         (trace.octree_accesses[0], trace.octree_accesses[2]) = (100, 350);
-        let book = |node| NodeBook { node: NodeId(node), trace: trace.clone(), memory: sample::memory_stats() };
+        let book = |node| NodeBook { node: NodeId(node), trace: trace.clone(), memory: fixture::memory_stats() };
         vec![book(0), book(1)]
     }
 

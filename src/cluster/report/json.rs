@@ -45,7 +45,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::report::sample;
+    use crate::report::fixture;
 
     fn keys(value: &Value, found: &mut BTreeSet<String>) {
         match value {
@@ -63,7 +63,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("temporary folder");
         let path = folder.path().join("report.json");
         // Without the ratios: serde_json reads such fractions to within the last bit only.
-        let report = Report { memory: None, ..sample::report() };
+        let report = Report { memory: None, ..fixture::report() };
         write(&report, &path).expect("writable folder");
         let text = std::fs::read_to_string(&path).expect("written");
         assert_eq!(serde_json::from_str::<Report>(&text).expect("a report"), report);
@@ -75,7 +75,7 @@ mod tests {
         // `key` or `part.key`.
         let documented = |key: &str| ["`", "."].iter().any(|before| documentation.contains(&format!("{before}{key}`")));
         let mut found = BTreeSet::new();
-        keys(&serde_json::to_value(sample::report()).expect("plain data"), &mut found);
+        keys(&serde_json::to_value(fixture::report()).expect("plain data"), &mut found);
         let missing: Vec<_> = found.iter().filter(|key| !documented(key)).collect();
         assert!(missing.is_empty(), "docs/report.md does not say what these are: {missing:?}");
     }

@@ -31,7 +31,7 @@ pub struct Memory {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Counts {
+pub struct AccessCounts {
     pub record_accesses: u64,
     pub misses: u64,
     pub line_accesses: u64,
@@ -42,21 +42,21 @@ pub struct Counts {
 pub struct SectionCounts {
     pub section: Section,
     #[serde(flatten)]
-    pub counts: Counts,
+    pub counts: AccessCounts,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LevelCounts {
     pub level: u32,
     #[serde(flatten)]
-    pub counts: Counts,
+    pub counts: AccessCounts,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RayKindCounts {
     pub ray_kind: RayKind,
     #[serde(flatten)]
-    pub counts: Counts,
+    pub counts: AccessCounts,
 }
 
 /// One node.
@@ -117,7 +117,7 @@ impl NodeMemory {
     }
 }
 
-impl From<Counters> for Counts {
+impl From<Counters> for AccessCounts {
     fn from(counters: Counters) -> Self {
         Self {
             record_accesses: counters.record_accesses,
@@ -129,7 +129,7 @@ impl From<Counters> for Counts {
 }
 
 /// Sum of the counters whose ray kind and class are chosen.
-fn sum(stats: &MemoryStats, chosen: impl Fn(RayKind, usize) -> bool) -> Counts {
+fn sum(stats: &MemoryStats, chosen: impl Fn(RayKind, usize) -> bool) -> AccessCounts {
     let mut sum = Counters::default();
     for (kind, classes) in RayKind::ALL.into_iter().zip(stats.counters.iter()) {
         for (class, counters) in classes.iter().enumerate() {
@@ -161,11 +161,11 @@ fn by_ray_kind(stats: &MemoryStats) -> Vec<RayKindCounts> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sample;
+    use crate::report::fixture;
 
     #[test]
     fn sums_and_ratios_are_those_worked_by_hand() {
-        let memory = Memory::new(&sample::memory_stats(), 32, 8192);
+        let memory = Memory::new(&fixture::memory_stats(), 32, 8192);
         assert_eq!((memory.record_accesses, memory.misses), (100 + 300 + 50 + 40, 1 + 30 + 9 + 10));
         assert_eq!((memory.line_accesses, memory.line_misses), (530, 55));
         assert_eq!((memory.words_read, memory.words_moved), (450 + 40 * 10, 55 * 8));
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn every_way_to_cut_the_counts_has_the_same_sum() {
-        let memory = Memory::new(&sample::memory_stats(), 32, 8192);
+        let memory = Memory::new(&fixture::memory_stats(), 32, 8192);
         let levels: Vec<_> = memory.by_octree_level.iter().map(|l| (l.level, l.counts.record_accesses)).collect();
         assert_eq!(levels, [(0, 100), (1, 0), (2, 350)]);
         let sections: u64 = memory.by_section.iter().map(|s| s.counts.misses).sum();

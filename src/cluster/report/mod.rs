@@ -89,7 +89,7 @@ pub struct Scene {
 impl Scene {
     pub fn new(source: String, database: &Verified) -> Self {
         let header = &database.database().header;
-        Self { source, primitives: header.scene_primitives, database_bytes: header.layout.image_bytes() }
+        Self { source, primitives: header.scene_primitives, database_bytes: header.layout.database_bytes() }
     }
 }
 
@@ -311,7 +311,7 @@ fn ratio(part: f64, whole: f64) -> f64 {
 }
 
 #[cfg(test)]
-pub(crate) mod sample {
+pub(crate) mod fixture {
     //! A report with every part present, its numbers worked by hand.
 
     use super::*;
@@ -381,7 +381,7 @@ pub(crate) mod sample {
                 log_waits: 0,
             }),
             conservation: Some(Conservation::new(vec![conservation::Check::new("a = b", 1, 1)])),
-            verification: Some(verification::sample()),
+            verification: Some(verification::fixture()),
             incidents: vec![Incident { seconds: 1.25, text: "node 1 died: signal 9".to_owned() }],
             chaos: Some(Chaos { schedule: "kill node 1@10%".to_owned(), carried_out: 1, longest_wait_seconds: 0.75 }),
             seconds: Seconds { load: 0.5, octree: 0.25, render: 2.0, render_cpu: 3.5, total: 3.0 },
@@ -395,7 +395,7 @@ mod tests {
 
     #[test]
     fn rays_a_second_are_all_rays_over_the_render_time() {
-        let mut report = sample::report();
+        let mut report = fixture::report();
         assert_eq!(report.rays_per_second(), 2800.0);
         report.seconds.render = 0.0;
         assert_eq!(report.rays_per_second(), 0.0);
@@ -414,7 +414,7 @@ mod tests {
             conservation: None,
             verification: None,
             chaos: None,
-            ..sample::report()
+            ..fixture::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
         for key in

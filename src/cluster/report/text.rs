@@ -227,11 +227,11 @@ impl Display for Bytes {
 mod tests {
     use super::*;
     use crate::report::conservation::{Check, Conservation};
-    use crate::report::sample;
+    use crate::report::fixture;
 
     #[test]
     fn the_summary_says_what_a_reader_looks_for() {
-        let text = summary(&sample::report());
+        let text = summary(&fixture::report());
         for part in [
             "1,169 primitives, database 64.0 KiB",
             "packets, avx2, derived octree 91.3 KiB, 80.0 bytes a primitive",
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn a_broken_check_is_shouted() {
-        let mut report = sample::report();
+        let mut report = fixture::report();
         report.conservation = Some(Conservation::new(vec![Check::new("in = out", 3, 4), Check::new("x", 1, 1)]));
         assert!(summary(&report).contains("BROKEN: in = out: 3 against 4"));
     }

@@ -48,7 +48,7 @@ impl Process {
 }
 
 #[cfg(test)]
-pub(super) fn sample() -> Verification {
+pub(super) fn fixture() -> Verification {
     let (run, this) = (RunId(0xabc), RunId(1));
     let process = Process::new(Producer { run, ..Producer::default() }, this, 3);
     let process = Process { verified: 1, latest_verified: true, by: vec![1], ..process };

@@ -8,7 +8,7 @@ use serde::de::{self, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::host::Launch;
-use super::value::{ClusterNumber, HostNodes, Port};
+use super::value::{ClusterNumber, HostNodes, Port, inline_schema};
 
 /// A machine that processes run on. The first one is the manager's own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -80,19 +80,7 @@ macro_rules! text {
             }
         }
 
-        impl JsonSchema for $name {
-            fn inline_schema() -> bool {
-                true
-            }
-
-            fn schema_name() -> std::borrow::Cow<'static, str> {
-                stringify!($name).into()
-            }
-
-            fn json_schema(_: &mut SchemaGenerator) -> Schema {
-                json_schema!({ "type": "string", "pattern": $pattern })
-            }
-        }
+        inline_schema!($name, |_| json_schema!({ "type": "string", "pattern": $pattern }));
     };
 }
 
@@ -194,22 +182,12 @@ impl Serialize for LaunchBy {
     }
 }
 
-impl JsonSchema for LaunchBy {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "LaunchBy".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "oneOf": [
-            { "type": "string", "enum": [Self::LOCAL, Self::EXTERNAL] },
-            { "type": "array", "items": { "type": "string" }, "minItems": 1, "maxItems": Self::PARTS_MAX },
-        ] })
-    }
-}
+inline_schema!(LaunchBy, |_| {
+    json_schema!({ "oneOf": [
+        { "type": "string", "enum": [LaunchBy::LOCAL, LaunchBy::EXTERNAL] },
+        { "type": "array", "items": { "type": "string" }, "minItems": 1, "maxItems": LaunchBy::PARTS_MAX },
+    ] })
+});
 
 impl From<&super::Host> for Host {
     fn from(host: &super::Host) -> Self {

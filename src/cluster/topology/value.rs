@@ -12,6 +12,26 @@ use machine::hardware::specification::{BYTES_MAX, MemorySize};
 use trace::picture::ImageSettings;
 use trace::scene::procedural::SIZE_MAX;
 
+/// The schema of a value, written where the value is used.
+macro_rules! inline_schema {
+    ($name:ident, |$generator:pat_param| $schema:expr) => {
+        impl JsonSchema for $name {
+            fn inline_schema() -> bool {
+                true
+            }
+
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema($generator: &mut SchemaGenerator) -> Schema {
+                $schema
+            }
+        }
+    };
+}
+pub(super) use inline_schema;
+
 /// Which numbers a key accepts, both ends included.
 #[derive(Clone, Copy)]
 struct Range {
@@ -132,20 +152,10 @@ macro_rules! quantity {
             }
         }
 
-        impl JsonSchema for $name {
-            fn inline_schema() -> bool {
-                true
-            }
-
-            fn schema_name() -> std::borrow::Cow<'static, str> {
-                stringify!($name).into()
-            }
-
-            fn json_schema(_: &mut SchemaGenerator) -> Schema {
-                let range: Range = $range;
-                range.schema()
-            }
-        }
+        inline_schema!($name, |_| {
+            let range: Range = $range;
+            range.schema()
+        });
     };
 }
 
@@ -326,20 +336,10 @@ impl Serialize for Tile {
     }
 }
 
-impl JsonSchema for Tile {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Tile".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let side = Side::json_schema(generator);
-        json_schema!({ "oneOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
-    }
-}
+inline_schema!(Tile, |generator| {
+    let side = Side::json_schema(generator);
+    json_schema!({ "oneOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
+});
 
 /// Size of a local memory: [`MemorySize`] as a person writes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -378,23 +378,13 @@ impl Serialize for Size {
     }
 }
 
-impl JsonSchema for Size {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Size".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let written = r"^(all|[0-9]+ */ *[0-9]+|[0-9]+(\.[0-9]+)? *(B|KiB|MiB|GiB)?)$";
-        json_schema!({ "oneOf": [
-            { "type": "string", "pattern": written },
-            { "type": "integer", "minimum": 1, "maximum": BYTES_MAX },
-        ] })
-    }
-}
+inline_schema!(Size, |_| {
+    let written = r"^(all|[0-9]+ */ *[0-9]+|[0-9]+(\.[0-9]+)? *(B|KiB|MiB|GiB)?)$";
+    json_schema!({ "oneOf": [
+        { "type": "string", "pattern": written },
+        { "type": "integer", "minimum": 1, "maximum": BYTES_MAX },
+    ] })
+});
 
 #[cfg(test)]
 mod tests {

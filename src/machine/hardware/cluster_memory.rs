@@ -7,8 +7,8 @@ use trace::database::Layout;
 /// Why a memory request cannot be served.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum AccessError {
-    #[error("{bytes} bytes at {address} are outside of the image of {image_bytes} bytes")]
-    OutOfRange { address: Address, bytes: u64, image_bytes: u64 },
+    #[error("{bytes} bytes at {address} are outside of the image of {database_bytes} bytes")]
+    OutOfRange { address: Address, bytes: u64, database_bytes: u64 },
     #[error("{address} was to be written in order: the next one is {expected}")]
     OutOfOrder { address: Address, expected: Address },
     #[error("{bytes} bytes at {address} are not uploaded yet, only those below {uploaded}")]
@@ -22,18 +22,18 @@ pub enum AccessError {
 /// It grows as it is uploaded, so that nothing is allocated by a length that a peer only claims.
 #[derive(Debug)]
 pub struct ClusterMemory {
-    image_bytes: u64,
+    database_bytes: u64,
     bytes: Vec<u8>,
 }
 
 impl ClusterMemory {
     pub fn new(layout: &Layout) -> Self {
-        Self { image_bytes: layout.image_bytes(), bytes: Vec::new() }
+        Self { database_bytes: layout.database_bytes(), bytes: Vec::new() }
     }
 
     /// Whether all bytes were written.
     pub fn is_complete(&self) -> bool {
-        self.bytes.len() as u64 == self.image_bytes
+        self.bytes.len() as u64 == self.database_bytes
     }
 
     /// Appends to the image; `address` is the end of what was stored before.
@@ -46,8 +46,8 @@ impl ClusterMemory {
             return Err(AccessError::OutOfOrder { address, expected: Address(uploaded) });
         }
         let bytes = data.len() as u64;
-        if bytes > self.image_bytes - uploaded {
-            return Err(AccessError::OutOfRange { address, bytes, image_bytes: self.image_bytes });
+        if bytes > self.database_bytes - uploaded {
+            return Err(AccessError::OutOfRange { address, bytes, database_bytes: self.database_bytes });
         }
         self.bytes.extend_from_slice(data);
         Ok(())
@@ -58,8 +58,8 @@ impl ClusterMemory {
     /// # Errors
     /// It reaches beyond the image, or beyond what is uploaded.
     pub fn range(&self, address: Address, bytes: u64) -> Result<&[u8], AccessError> {
-        let end = address.0.checked_add(bytes).filter(|&end| end <= self.image_bytes);
-        let end = end.ok_or(AccessError::OutOfRange { address, bytes, image_bytes: self.image_bytes })?;
+        let end = address.0.checked_add(bytes).filter(|&end| end <= self.database_bytes);
+        let end = end.ok_or(AccessError::OutOfRange { address, bytes, database_bytes: self.database_bytes })?;
         let uploaded = Address(self.bytes.len() as u64);
         let not_uploaded = AccessError::NotUploaded { address, bytes, uploaded };
         let (Ok(start), Ok(end)) = (usize::try_from(address.0), usize::try_from(end)) else {
@@ -124,7 +124,7 @@ mod tests {
         assert!(memory().is_complete());
         let mut memory = ClusterMemory::new(&Layout::new([1, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
         let too_long = memory.store(Address(0), &[0; 257]);
-        assert_eq!(too_long, Err(AccessError::OutOfRange { address: Address(0), bytes: 257, image_bytes: 256 }));
+        assert_eq!(too_long, Err(AccessError::OutOfRange { address: Address(0), bytes: 257, database_bytes: 256 }));
         memory.store(Address(0), &[1; 100]).expect("in order");
         let again = memory.store(Address(0), &[2; 100]);
         assert_eq!(again, Err(AccessError::OutOfOrder { address: Address(0), expected: Address(100) }));
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(memory.range(Address(250), 3).expect("inside"), [250, 0, 1]);
         assert!(memory.range(Address(512), 0).expect("at the end").is_empty());
         for (address, bytes) in [(512, 1), (0, 513), (u64::MAX, 1), (1, u64::MAX), (u64::MAX, u64::MAX)] {
-            let expected = AccessError::OutOfRange { address: Address(address), bytes, image_bytes: 512 };
+            let expected = AccessError::OutOfRange { address: Address(address), bytes, database_bytes: 512 };
             assert_eq!(memory.range(Address(address), bytes), Err(expected));
         }
     }

@@ -6,8 +6,9 @@
 
 use std::ops::Range;
 
-use trace::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use trace::database::records::OctreeWord;
 use trace::database::{Layout, Section};
+use trace::tracer::memory_port::plain_reads;
 use trace::tracer::{MemoryPort, RayKind};
 
 /// A word of a reference stream.
@@ -15,9 +16,9 @@ use trace::tracer::{MemoryPort, RayKind};
 /// Bits 31–30: 0 a read; 1 a write and 2 an invalidation, which no version writes yet, each of the record that bits
 /// 29–0 number; 3 a mark. Bits 29–24 of a mark tell what it marks: 0 a ray's start, its kind in bits 23–0.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Word(pub u32);
+pub struct ReferenceWord(pub u32);
 
-/// What a [`Word`] says.
+/// What a [`ReferenceWord`] says.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Event {
     /// Of the record with this number.
@@ -26,7 +27,7 @@ pub enum Event {
     Ray(RayKind),
 }
 
-impl Word {
+impl ReferenceWord {
     const MARK: u32 = 3 << 30;
 
     #[inline(always)]
@@ -117,7 +118,7 @@ impl<'a, M, F: FnMut(&[u32])> Recorder<'a, M, F> {
     }
 
     #[inline(always)]
-    fn note(&mut self, word: Word) {
+    fn note(&mut self, word: ReferenceWord) {
         if self.words.len() == PART_WORDS {
             self.keep_part();
         }
@@ -126,7 +127,7 @@ impl<'a, M, F: FnMut(&[u32])> Recorder<'a, M, F> {
 
     #[inline(always)]
     fn note_read(&mut self, section: Section, index: u32) {
-        self.note(Word::read(self.numbers.number(section, index)));
+        self.note(ReferenceWord::read(self.numbers.number(section, index)));
     }
 
     #[cold]
@@ -138,7 +139,7 @@ impl<'a, M, F: FnMut(&[u32])> Recorder<'a, M, F> {
 }
 
 macro_rules! noted_read {
-    ($($read:ident: $section:ident -> $record:ty),* $(,)?) => {$(
+    ($($read:ident: $section:ident -> $record:ty,)*) => {$(
         #[inline(always)]
         fn $read(&mut self, index: u32) -> Result<$record, M::Error> {
             self.note_read(Section::$section, index);
@@ -152,7 +153,7 @@ impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
 
     #[inline(always)]
     fn set_ray_kind(&mut self, kind: RayKind) {
-        self.note(Word::ray(kind));
+        self.note(ReferenceWord::ray(kind));
         self.port.set_ray_kind(kind);
     }
 
@@ -162,15 +163,7 @@ impl<M: MemoryPort, F: FnMut(&[u32])> MemoryPort for Recorder<'_, M, F> {
         self.port.octree_node(index, level)
     }
 
-    noted_read! {
-        leaf_entry: LeafLists -> LeafEntry,
-        triangle: Triangles -> Triangle,
-        sphere: Spheres -> Sphere,
-        cone: Cones -> Cone,
-        surface: Surfaces -> Surface,
-        normals: Normals -> Normals,
-        material: Materials -> Material,
-    }
+    plain_reads!(noted_read);
 
     fn corrupt(&mut self, what: &'static str) -> M::Error {
         self.port.corrupt(what)
@@ -186,12 +179,15 @@ mod tests {
     #[test]
     fn words_say_what_was_put_into_them() {
         for record in [0, 1, (1 << 30) - 1] {
-            assert!(Word::read(record).is_read());
-            assert_eq!(Word::read(record).decode(), Some(Event::Read(record)));
+            assert!(ReferenceWord::read(record).is_read());
+            assert_eq!(ReferenceWord::read(record).decode(), Some(Event::Read(record)));
         }
         for (code, kind) in (0..).zip(RayKind::ALL) {
-            assert_eq!(Word::ray(kind).0, 0xC000_0000 | code);
-            assert_eq!((Word::ray(kind).is_read(), Word::ray(kind).decode()), (false, Some(Event::Ray(kind))));
+            assert_eq!(ReferenceWord::ray(kind).0, 0xC000_0000 | code);
+            assert_eq!(
+                (ReferenceWord::ray(kind).is_read(), ReferenceWord::ray(kind).decode()),
+                (false, Some(Event::Ray(kind)))
+            );
         }
     }
 
@@ -200,7 +196,7 @@ mod tests {
         let kinds = RayKind::COUNT as u32;
         // Writes, invalidations, ray kinds and marks that there are not.
         for word in [1 << 30, 1 << 30 | 7, 2 << 30, 3 << 30 | kinds, 3 << 30 | 1 << 24, u32::MAX] {
-            assert_eq!((Word(word).is_read(), Word(word).decode()), (false, None), "{word:#010x}");
+            assert_eq!((ReferenceWord(word).is_read(), ReferenceWord(word).decode()), (false, None), "{word:#010x}");
         }
     }
 
@@ -219,7 +215,7 @@ mod tests {
                 recorder.set_ray_kind(kind);
                 let Ok(triangle) = recorder.triangle(index);
                 assert_eq!(Ok(triangle), Slices::new(&database).triangle(index), "what is read goes through");
-                expected.extend([Word::ray(kind).0, numbers.number(Section::Triangles, index)]);
+                expected.extend([ReferenceWord::ray(kind).0, numbers.number(Section::Triangles, index)]);
             }
             assert!(parts.iter().all(|part| part.len() == PART_WORDS), "all but the last are full");
             assert!((1..=PART_WORDS).contains(&words.len()), "a tile that just fills its parts has no empty one");

@@ -29,7 +29,7 @@ pub trait Trace: Sync {
     /// All tiles that were traced, those of one node process in the order in which it traced them.
     fn tiles(&self) -> &[TracedTile];
 
-    /// Replaces `words` with those of a part: [`Word`](crate::hardware::references::Word)s.
+    /// Replaces `words` with those of a part: [`ReferenceWord`](crate::hardware::references::ReferenceWord)s.
     ///
     /// # Errors
     /// The part cannot be read any more, or is not what it was.

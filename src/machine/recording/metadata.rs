@@ -16,7 +16,7 @@ pub(super) fn entries<const N: usize>(
         ("marti.format_version", format_version.to_string()),
         ("marti.version", env!("CARGO_PKG_VERSION").to_owned()),
         ("marti.epoch", epoch.0.to_string()),
-        ("marti.image_bytes", layout.image_bytes().to_string()),
+        ("marti.image_bytes", layout.database_bytes().to_string()),
         ("marti.records", records_json(layout)),
     ];
     common.into_iter().chain(own).map(|(key, value)| (key.to_owned(), value)).collect()

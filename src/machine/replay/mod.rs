@@ -13,8 +13,8 @@ pub mod plan;
 pub mod stream;
 
 pub use crate::hardware::trace::{Trace, TraceError, TracedTile};
-pub use model::count::Tally;
-pub use model::{count, evaluation};
+pub use model::replayer::Tally;
+pub use model::{evaluation, replayer};
 pub use plan::setting;
 pub use stream::captured::Captured;
 pub use stream::lines::{Lines, RecordLines};

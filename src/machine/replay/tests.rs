@@ -2,15 +2,15 @@
 
 use crate::hardware::cluster_memory::{AccessError, ClusterMemory};
 use crate::hardware::local_memory::{Geometry, LineSource, LocalMemory};
-use crate::hardware::references::{Event, RecordNumbers, Word};
+use crate::hardware::references::{Event, RecordNumbers, ReferenceWord};
 use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
 use crate::hardware::specification::{self, MemorySize};
 use crate::hardware::stats::MemoryStats;
 use crate::hardware::transaction::FetchRequest;
 use crate::recording::references::octree_levels;
-use crate::replay::model::count::{Counters, Replayer, Sum, Tally};
 use crate::replay::model::detail::{Classes, Detail};
-use crate::replay::plan::schedule::Schedule;
+use crate::replay::model::replayer::{Counters, Replayer, Sum, Tally};
+use crate::replay::plan::schedule::TileSchedule;
 use crate::replay::stream::captured::tests::teapot;
 use crate::replay::{Captured, RecordLines, Trace, TraceError, TracedTile};
 use ground::ids::{Address, Attempt, Epoch, NodeId, TileId};
@@ -42,7 +42,7 @@ fn read_all<P: MemoryPort<Error: std::fmt::Debug>>(
     words: &[u32],
 ) {
     for &word in words {
-        let record = match Word(word).decode().expect("of this version") {
+        let record = match ReferenceWord(word).decode().expect("of this version") {
             Event::Ray(kind) => {
                 port.set_ray_kind(kind);
                 continue;
@@ -144,7 +144,7 @@ impl Trace for Tiles {
 fn the_recorded_schedule_begins_anew_with_each_process() {
     // Node 1 died twice, the second time before it had traced anything; node 2 traced nothing at all.
     let trace = Tiles::new(&[(0, 0, true), (0, 0, true), (1, 0, true), (1, 0, false), (1, 2, true), (3, 1, true)]);
-    let schedule = Schedule::recorded(&trace, 5);
+    let schedule = TileSchedule::recorded(&trace, 5);
     let expected = [vec![vec![0, 1]], vec![vec![2, 3], vec![4]], vec![], vec![vec![5]], vec![]];
     assert_eq!(schedule.nodes, expected);
     assert_eq!(schedule.nodes().map(|(node, _)| node.0).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
@@ -153,8 +153,8 @@ fn the_recorded_schedule_begins_anew_with_each_process() {
 #[test]
 fn an_interleaved_schedule_deals_tiles_in_turn_and_leaves_out_what_is_missing() {
     let tiles = [Some(4), Some(0), None, Some(1), Some(3)];
-    assert_eq!(Schedule::interleaved(&tiles, 2).nodes, [vec![vec![4, 3]], vec![vec![0, 1]]]);
-    assert_eq!(Schedule::interleaved(&tiles, 3).nodes, [vec![vec![4, 1]], vec![vec![0, 3]], vec![vec![]]]);
+    assert_eq!(TileSchedule::interleaved(&tiles, 2).nodes, [vec![vec![4, 3]], vec![vec![0, 1]]]);
+    assert_eq!(TileSchedule::interleaved(&tiles, 3).nodes, [vec![vec![4, 1]], vec![vec![0, 3]], vec![vec![]]]);
 }
 
 #[test]

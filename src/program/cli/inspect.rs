@@ -103,8 +103,8 @@ impl Inspection {
             scene,
             scene_primitives: header.scene_primitives,
             primitives,
-            database_bytes: layout.image_bytes(),
-            bytes_per_primitive: each(layout.image_bytes()),
+            database_bytes: layout.database_bytes(),
+            bytes_per_primitive: each(layout.database_bytes()),
             sections: Section::ALL.map(section).to_vec(),
             octree: OctreeTotals {
                 nodes,

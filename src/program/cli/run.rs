@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::options::OutputOptions;
 use super::{Exit, Failure, print};
-use cluster::chaos::Schedule;
+use cluster::chaos::FaultSchedule;
 use cluster::processes::manager::{self, Interrupt, RunEnd, RunRequest};
 use cluster::report::text;
 use cluster::topology::{Override, Topology};
@@ -47,7 +47,7 @@ pub struct RunArguments {
     pub insecure: bool,
     /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
     #[arg(long, value_name = "FAULTS")]
-    pub chaos: Option<Schedule>,
+    pub chaos: Option<FaultSchedule>,
     /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub health: Option<SocketAddr>,

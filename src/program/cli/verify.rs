@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::options::OctreeOptions;
 use super::{Failure, print, watertight};
-use trace::oracle::{self, AimedAt, Counts, Verification};
+use trace::oracle::{self, AimedAt, Outcomes, Verification};
 use trace::picture::ImageSettings;
 use trace::preparation::{self, Fallback};
 use trace::scene::Placement;
@@ -76,7 +76,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     } else {
         print(&report.to_string())?;
     }
-    let mut faults = Counts::default();
+    let mut faults = Outcomes::default();
     for kernel in &report.verification.kernels {
         faults.sum(&kernel.total);
     }
@@ -143,7 +143,7 @@ fn write_head(out: &mut fmt::Formatter<'_>, first: &str) -> fmt::Result {
     writeln!(out)
 }
 
-fn write_row(out: &mut fmt::Formatter<'_>, name: &str, c: &Counts) -> fmt::Result {
+fn write_row(out: &mut fmt::Formatter<'_>, name: &str, c: &Outcomes) -> fmt::Result {
     write!(out, "{name:<12}")?;
     for count in [c.rays, c.hits, c.agreeing, c.lost, c.false_hits, c.other_primitive, c.self_hits, c.differing] {
         write!(out, "{count:>12}")?;

@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use super::{Failure, json, print};
 use ground::outlet;
+use ground::processor_time;
 use trace::oracle::{ClosedMesh, Kernel, KernelTracer, Subject};
-use trace::render::thread_cpu;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::{BuildParameters, build_database};
 use trace::tracer::ray::Ray;
@@ -139,10 +139,10 @@ fn turn<const N: usize>(portion: usize, choices: [usize; N]) -> [usize; N] {
 
 /// The rays that hit nothing, and the processor seconds that it took to know.
 fn escaped(tracer: &mut KernelTracer<'_>, rays: &[Ray], any: bool) -> (Vec<Ray>, f64) {
-    let start = thread_cpu();
+    let start = processor_time::of_this_thread();
     let hits: Vec<bool> =
         if any { tracer.occluded(rays) } else { tracer.nearest(rays).iter().map(Option::is_some).collect() };
-    let seconds = thread_cpu().saturating_sub(start).as_secs_f64();
+    let seconds = processor_time::of_this_thread().saturating_sub(start).as_secs_f64();
     (rays.iter().zip(hits).filter(|(_, hit)| !hit).map(|(ray, _)| *ray).collect(), seconds)
 }
 

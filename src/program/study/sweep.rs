@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::charts::{self, curve, most, shares};
-use super::conditions::octree;
-use super::levels::{self, Level};
-use super::page::{Figure, Page};
-use super::plot::{Axis, Chart, Series, Style};
-use super::traced::{Run, Traced, TracedError};
-use super::traffic::{Traffic, TrafficError};
+use crate::study::figures::conditions::octree;
+use crate::study::figures::levels::{self, Level};
+use crate::study::figures::traffic::{Traffic, TrafficError};
+use crate::study::page::charts::{self, curve, most, shares};
+use crate::study::page::plot::{Axis, Chart, Series, Style};
+use crate::study::page::{Figure, Page};
+use crate::study::runs::traced::{Run, Traced, TracedError};
 use cluster::topology::Topology;
 use machine::hardware::stats::octree_class;
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
@@ -103,9 +103,9 @@ impl Sweep {
         Ok(Self {
             format: FORMAT,
             topology: topology.name.clone(),
-            scene: traced.scene.clone(),
-            octree: traced.octree,
-            database_bytes: traced.layout.image_bytes(),
+            scene: traced.run.scene.clone(),
+            octree: traced.run.octree,
+            database_bytes: traced.layout.database_bytes(),
             tiling,
             rays: traced.rays,
             levels: levels::levels(&census, &accesses),

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::ear_clipping::{self, Ear};
-use super::layout::{GRANULE_BYTES, IMAGE_BYTES_MAX, TooLarge};
+use super::layout::{DATABASE_BYTES_MAX, GRANULE_BYTES, TooLarge};
 use super::normalisation::Normalisation;
 use super::primitives::Primitives;
 use super::records::{Cone, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
@@ -139,7 +139,7 @@ impl Records {
         let [triangles, spheres, cones, surfaces, normals, materials] = counts.map(|count| count as u64);
         let rest = Layout::new([0, 0, triangles, spheres, cones, surfaces, normals, materials]);
         // Both sections fill their granules.
-        rest.map_or(0, |rest| (IMAGE_BYTES_MAX - rest.image_bytes()).saturating_sub(2 * GRANULE_BYTES))
+        rest.map_or(0, |rest| (DATABASE_BYTES_MAX - rest.database_bytes()).saturating_sub(2 * GRANULE_BYTES))
     }
 
     /// Puts the octree's sections and these into one image. Each is let go as soon as it is copied.
@@ -159,7 +159,7 @@ impl Records {
         ];
         let records = Section::ALL.map(|s| sections[s as usize].words().len() as u64 * 4 / s.record_bytes());
         let layout = Layout::new(records)?;
-        let mut words = vec![0u32; (layout.image_bytes() / 4) as usize];
+        let mut words = vec![0u32; (layout.database_bytes() / 4) as usize];
         for (section, source) in Section::ALL.into_iter().zip(sections) {
             let first = (layout.span(section).base.0 / 4) as usize;
             words[first..first + source.words().len()].copy_from_slice(source.words());

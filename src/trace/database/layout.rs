@@ -9,7 +9,7 @@ use ground::ids::Address;
 pub const GRANULE_BYTES: u64 = 256;
 
 /// The largest image that the record formats can address, in bytes.
-pub const IMAGE_BYTES_MAX: u64 = 1 << 32;
+pub const DATABASE_BYTES_MAX: u64 = 1 << 32;
 
 /// One kind of record each, in this order in the image.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
@@ -80,11 +80,11 @@ pub struct Span {
 #[serde(into = "[u64; Section::COUNT]", try_from = "[u64; Section::COUNT]")]
 pub struct Layout {
     spans: [Span; Section::COUNT],
-    image_bytes: u64,
+    database_bytes: u64,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("the database would be {bytes} bytes or more, at most {IMAGE_BYTES_MAX} can be addressed")]
+#[error("the database would be {bytes} bytes or more, at most {DATABASE_BYTES_MAX} can be addressed")]
 pub struct TooLarge {
     /// With the smallest octree.
     pub bytes: u128,
@@ -94,7 +94,7 @@ impl Layout {
     /// Lays out sections of so many records each.
     ///
     /// # Errors
-    /// The image would be larger than [`IMAGE_BYTES_MAX`].
+    /// The image would be larger than [`DATABASE_BYTES_MAX`].
     pub fn new(records: [u64; Section::COUNT]) -> Result<Self, TooLarge> {
         let mut spans = [Span::default(); Section::COUNT];
         let mut base = 0u128;
@@ -104,10 +104,10 @@ impl Layout {
             let bytes = u128::from(records) * u128::from(section.record_bytes());
             base += bytes.next_multiple_of(u128::from(GRANULE_BYTES));
         }
-        if base > u128::from(IMAGE_BYTES_MAX) {
+        if base > u128::from(DATABASE_BYTES_MAX) {
             return Err(TooLarge { bytes: base });
         }
-        Ok(Self { spans, image_bytes: base as u64 })
+        Ok(Self { spans, database_bytes: base as u64 })
     }
 
     pub fn span(&self, section: Section) -> Span {
@@ -115,8 +115,8 @@ impl Layout {
     }
 
     /// Bytes of the whole image, a multiple of [`GRANULE_BYTES`].
-    pub fn image_bytes(&self) -> u64 {
-        self.image_bytes
+    pub fn database_bytes(&self) -> u64 {
+        self.database_bytes
     }
 
     /// Bytes of a section's records, without the filling of its last granule.
@@ -126,7 +126,7 @@ impl Layout {
 
     /// The section an address lies in; addresses in the filling belong to the section before.
     pub fn section_at(&self, address: Address) -> Option<Section> {
-        (address.0 < self.image_bytes).then(|| {
+        (address.0 < self.database_bytes).then(|| {
             // Empty sections share their base with the next one: the last that starts here and is not empty.
             *Section::ALL
                 .iter()

@@ -21,11 +21,11 @@ impl Verified {
     /// The first thing found wrong.
     pub fn new(database: Database) -> Result<Self, Corrupt> {
         let header = &database.header;
-        if database.words.len() as u64 * 4 != header.layout.image_bytes() {
+        if database.words.len() as u64 * 4 != header.layout.database_bytes() {
             return Err(Corrupt(format!(
                 "{} bytes, expected {}",
                 database.words.len() as u64 * 4,
-                header.layout.image_bytes()
+                header.layout.database_bytes()
             )));
         }
         if header.max_depth > MAX_DEPTH {

@@ -17,4 +17,4 @@ pub use brute_force::{Answer, BruteForce, Verdict};
 pub use closed_mesh::ClosedMesh;
 pub use kernels::{Kernel, KernelTracer, Subject};
 pub use rays::AimedAt;
-pub use verification::{Counts, KernelCounts, Verification, verify};
+pub use verification::{KernelOutcomes, Outcomes, Verification, verify};

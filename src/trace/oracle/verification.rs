@@ -18,7 +18,7 @@ const TOLD: usize = 8;
 
 /// What came of some rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Counts {
+pub struct Outcomes {
     pub rays: u64,
     /// Rays for which the kernel found a hit.
     pub hits: u64,
@@ -42,12 +42,12 @@ pub struct Counts {
 
 /// What came of one kernel's rays.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct KernelCounts {
+pub struct KernelOutcomes {
     pub kernel: Kernel,
     #[serde(flatten)]
-    pub total: Counts,
+    pub total: Outcomes,
     /// By [`AimedAt`].
-    pub by_aim: [Counts; AimedAt::COUNT],
+    pub by_aim: [Outcomes; AimedAt::COUNT],
 }
 
 /// What a kernel did wrong.
@@ -78,7 +78,7 @@ pub struct Disagreement {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verification {
     /// HERO first.
-    pub kernels: Vec<KernelCounts>,
+    pub kernels: Vec<KernelOutcomes>,
     /// The first of them.
     pub disagreements: Vec<Disagreement>,
 }
@@ -91,7 +91,7 @@ struct Question {
     answer: Answer,
 }
 
-impl Counts {
+impl Outcomes {
     fn add(&mut self, hit: Option<&Hit>, verdict: Verdict, self_hit: bool, differing: bool) {
         self.rays += 1;
         self.hits += u64::from(hit.is_some());
@@ -178,7 +178,7 @@ pub fn verify(database: &Verified, view: &View, rays: u64, seed: u64) -> Verific
     let mut tracers = subject.tracers();
     let oracle = BruteForce::new(database);
     let mut source = Rays::new(database, view, seed);
-    let counts = |kernel| KernelCounts { kernel, total: Counts::default(), by_aim: Default::default() };
+    let counts = |kernel| KernelOutcomes { kernel, total: Outcomes::default(), by_aim: Default::default() };
     let mut found = Verification {
         kernels: tracers.iter().map(|tracer| counts(tracer.kernel())).collect(),
         disagreements: Vec::new(),

@@ -13,7 +13,7 @@ pub(super) struct Cursor<'a> {
 
 /// Bytes between blanks (or before a comment), and where they start.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Word<'a> {
+pub(super) struct Token<'a> {
     pub(super) at: usize,
     /// Empty at the end of the file.
     pub(super) bytes: &'a [u8],
@@ -41,37 +41,37 @@ impl<'a> Cursor<'a> {
 
     /// The next word, on this line or a later one; `#` hides the rest of its line.
     #[inline]
-    pub(super) fn word(&mut self) -> Word<'a> {
+    pub(super) fn token(&mut self) -> Token<'a> {
         let bytes = &self.source.bytes;
         loop {
             match bytes.get(self.at) {
                 Some(b) if b.is_ascii_whitespace() => self.at += 1,
                 Some(b'#') => self.skip_line(),
-                _ => return self.take_word(),
+                _ => return self.take_token(),
             }
         }
     }
 
     /// The next word if it stands on this line; a backslash at a line's end joins the next one to it.
-    pub(super) fn word_on_line(&mut self) -> Option<Word<'a>> {
+    pub(super) fn token_on_line(&mut self) -> Option<Token<'a>> {
         loop {
             match self.source.bytes.get(self.at..)? {
                 [b'\\', b'\n', ..] => self.at += 2,
                 [b'\\', b'\r', b'\n', ..] => self.at += 3,
                 [] | [b'\n' | b'#', ..] => return None,
                 [b, ..] if b.is_ascii_whitespace() => self.at += 1,
-                _ => return Some(self.take_word()),
+                _ => return Some(self.take_token()),
             }
         }
     }
 
     /// What is left of this line, without blanks around it: a name that may hold blanks.
-    pub(super) fn rest_of_line(&mut self) -> Word<'a> {
+    pub(super) fn rest_of_line(&mut self) -> Token<'a> {
         let rest = &self.source.bytes[self.at..];
         let line = rest.split(|&b| b == b'\n').next().unwrap_or_default();
         let at = self.at + line.len() - line.trim_ascii_start().len();
         self.at += line.len();
-        Word { at, bytes: line.trim_ascii() }
+        Token { at, bytes: line.trim_ascii() }
     }
 
     /// Moves to the start of the next line; `false` at the end of the file.
@@ -86,17 +86,17 @@ impl<'a> Cursor<'a> {
     }
 
     #[inline]
-    fn take_word(&mut self) -> Word<'a> {
+    fn take_token(&mut self) -> Token<'a> {
         let at = self.at;
         let rest = &self.source.bytes[at..];
         let length = rest.iter().position(|b| b.is_ascii_whitespace() || *b == b'#').unwrap_or(rest.len());
         self.at += length;
-        Word { at, bytes: &rest[..length] }
+        Token { at, bytes: &rest[..length] }
     }
 
     /// An error at a word: what is wrong with it, and what was expected.
     #[cold]
-    pub(super) fn error(&self, word: Word, what: fmt::Arguments) -> SourceError {
+    pub(super) fn error(&self, word: Token, what: fmt::Arguments) -> SourceError {
         let subject = match word.bytes {
             [] if word.at >= self.source.bytes.len() => "the file ends here".into(),
             [] => "the line ends here".into(),
@@ -109,7 +109,7 @@ impl<'a> Cursor<'a> {
     /// The next word as a number.
     #[inline]
     pub(super) fn number(&mut self, field: &Field) -> Result<f64, SourceError> {
-        let word = self.word();
+        let word = self.token();
         self.parse_number(word, field)
     }
 
@@ -120,26 +120,26 @@ impl<'a> Cursor<'a> {
     }
 
     /// The next word as a number; it must stand on this line.
-    pub(super) fn number_on_line(&mut self, field: &Field) -> Result<(Word<'a>, f64), SourceError> {
-        let word = self.expected_word_on_line();
+    pub(super) fn number_on_line(&mut self, field: &Field) -> Result<(Token<'a>, f64), SourceError> {
+        let word = self.expected_token_on_line();
         Ok((word, self.parse_number(word, field)?))
     }
 
     /// The next word on this line, an empty one at its end.
-    pub(super) fn expected_word_on_line(&mut self) -> Word<'a> {
-        self.word_on_line().unwrap_or(Word { at: self.at, bytes: &[] })
+    pub(super) fn expected_token_on_line(&mut self) -> Token<'a> {
+        self.token_on_line().unwrap_or(Token { at: self.at, bytes: &[] })
     }
 
     /// Nothing but a comment may follow on this line.
     pub(super) fn expect_end_of_line(&mut self) -> Result<(), SourceError> {
-        match self.word_on_line() {
+        match self.token_on_line() {
             None => Ok(()),
             Some(word) => Err(self.error(word, format_args!(", expected the end of the line"))),
         }
     }
 
     #[inline]
-    pub(super) fn parse_number(&self, word: Word, field: &Field) -> Result<f64, SourceError> {
+    pub(super) fn parse_number(&self, word: Token, field: &Field) -> Result<f64, SourceError> {
         let number = word.text().and_then(|text| text.parse::<f64>().ok());
         match number {
             // NaN and the infinities are in no range.
@@ -149,7 +149,7 @@ impl<'a> Cursor<'a> {
     }
 
     #[cold]
-    fn bad_number(&self, word: Word, number: Option<f64>, field: &Field) -> SourceError {
+    fn bad_number(&self, word: Token, number: Option<f64>, field: &Field) -> SourceError {
         match number {
             None if word.bytes.is_empty() => self.error(word, format_args!(", expected {field}")),
             None => self.error(word, format_args!(" is not a number, expected {field}")),
@@ -158,7 +158,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A word as a whole number from `min` to `max`.
-    pub(super) fn parse_count(&self, word: Word, name: &str, min: u32, max: u32) -> Result<u32, SourceError> {
+    pub(super) fn parse_count(&self, word: Token, name: &str, min: u32, max: u32) -> Result<u32, SourceError> {
         match word.text().and_then(|text| text.parse().ok()) {
             Some(count) if (min..=max).contains(&count) => Ok(count),
             _ => Err(self.error(word, format_args!(", expected {name}, a whole number from {min} to {max}"))),
@@ -166,7 +166,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-impl<'a> Word<'a> {
+impl<'a> Token<'a> {
     /// `None` for bytes that are not text.
     #[inline]
     pub(super) fn text(self) -> Option<&'a str> {
@@ -175,7 +175,7 @@ impl<'a> Word<'a> {
 }
 
 /// In quotes, shortened, and with what is not printable escaped: it goes to a person's terminal.
-impl fmt::Display for Word<'_> {
+impl fmt::Display for Token<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN_BYTES_MAX: usize = 40;
         let shown = &self.bytes[..self.bytes.len().min(SHOWN_BYTES_MAX)];

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::cursor::{Cursor, Field, Word};
+use super::cursor::{Cursor, Field, Token};
 use super::source::Source;
 use super::{Cone, Light, Material, Polygon, Scene, SourceError, Sphere};
 use view::View;
@@ -64,7 +64,7 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn entities(&mut self) -> Result<(), SourceError> {
         loop {
-            let keyword = self.cursor.word();
+            let keyword = self.cursor.token();
             match keyword.bytes {
                 b"p" => self.polygon(false)?,
                 b"pp" => self.polygon(true)?,
@@ -90,7 +90,7 @@ impl Reader<'_> {
     }
 
     fn polygon(&mut self, smooth: bool) -> Result<(), SourceError> {
-        let word = self.cursor.word();
+        let word = self.cursor.token();
         let vertex_count = self.cursor.parse_count(word, "a polygon's vertex count", 3, u32::MAX)?;
         // A coordinate takes a blank and a digit: what the file cannot hold is refused before it is read.
         let vertex_bytes_min = if smooth { 12 } else { 6 };
@@ -120,14 +120,14 @@ impl Reader<'_> {
         let mut ahead = self.cursor.clone();
         let normal = self.cursor.triple(&NORMAL)?;
         normal.try_normalize().ok_or_else(|| {
-            let word = ahead.word();
+            let word = ahead.token();
             self.cursor.error(word, format_args!(" starts a normal without a direction, expected one longer than 0"))
         })
     }
 
     fn sphere(&mut self) -> Result<(), SourceError> {
         let centre = self.cursor.triple(&COORDINATE)?;
-        let word = self.cursor.word();
+        let word = self.cursor.token();
         let radius = self.cursor.parse_number(word, &RADIUS)?;
         if radius == 0.0 {
             return Err(self.cursor.error(word, format_args!(" is no radius, expected one other than 0")));
@@ -137,11 +137,11 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn cone(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn cone(&mut self, keyword: Token) -> Result<(), SourceError> {
         let base = self.cursor.triple(&COORDINATE)?;
         let base_radius = self.cursor.number(&RADIUS)?;
         let apex = self.cursor.triple(&COORDINATE)?;
-        let apex_word = self.cursor.word();
+        let apex_word = self.cursor.token();
         let apex_radius = self.cursor.parse_number(apex_word, &RADIUS)?;
         if (apex - base).try_normalize().is_none() {
             return Err(self
@@ -166,7 +166,7 @@ impl Reader<'_> {
         let colour = cursor.triple(&COLOUR)?;
         let (kd, ks) = (cursor.number(&KD)?, cursor.number(&KS)?);
         let (shine, transmittance) = (cursor.number(&SHINE)?, cursor.number(&TRANSMITTANCE)?);
-        let word = cursor.word();
+        let word = cursor.token();
         let ior = cursor.parse_number(word, &IOR)?;
         // An opaque surface has no use for an index, and SPD writes 0 there.
         if transmittance > 0.0 && ior == 0.0 {
@@ -187,14 +187,14 @@ impl Reader<'_> {
         self.scene.materials.len() as u32 - 1
     }
 
-    fn light(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn light(&mut self, keyword: Token) -> Result<(), SourceError> {
         if self.scene.lights.len() == LIGHTS_MAX {
             return Err(self
                 .cursor
                 .error(keyword, format_args!(" is one too many, expected at most {LIGHTS_MAX} lights")));
         }
         let position = self.cursor.triple(&COORDINATE)?;
-        let colour = match self.cursor.word_on_line() {
+        let colour = match self.cursor.token_on_line() {
             Some(red) => {
                 let red = self.cursor.parse_number(red, &COLOUR)?;
                 DVec3::new(red, self.cursor.number(&COLOUR)?, self.cursor.number(&COLOUR)?)
@@ -208,14 +208,14 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn view(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn view(&mut self, keyword: Token) -> Result<(), SourceError> {
         if self.scene.camera.is_some() {
             return Err(self.cursor.error(keyword, format_args!(" is a second view, expected one")));
         }
         let mut view = View::default();
         loop {
             let before = self.cursor.clone();
-            let name = self.cursor.word();
+            let name = self.cursor.token();
             if !view.read(name, &mut self.cursor)? {
                 self.cursor = before;
                 break;

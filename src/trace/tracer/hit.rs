@@ -2,8 +2,11 @@
 
 use glam::DVec3;
 
-use super::primitives::cone;
+use super::memory_port::MemoryPort;
+use super::primitives::triangle::point_and_normal;
+use super::primitives::{cone, sphere};
 use super::ray::{Ray, Source};
+use crate::database::primitives::PrimitiveIndex;
 use crate::database::records::{Cone, PrimitiveId, Sphere, Triangle};
 
 /// A hit: the minimum over all primitives of (t, id), whatever the octree.
@@ -31,6 +34,33 @@ pub enum HitOn {
         cone: Cone,
         t: f64,
     },
+}
+
+impl HitOn {
+    /// Where a ray hits the sphere or cone at this index, whatever the distance, and `t` there.
+    ///
+    /// # Errors
+    /// The port's.
+    #[inline(always)]
+    pub fn curved<M: MemoryPort>(
+        port: &mut M,
+        ray: &Ray,
+        primitive: PrimitiveId,
+        index: PrimitiveIndex,
+    ) -> Result<Option<(f64, Self)>, M::Error> {
+        let leaving = ray.source == Source::Curved(primitive.0);
+        Ok(match index {
+            PrimitiveIndex::Triangle(_) => None,
+            PrimitiveIndex::Sphere(index) => {
+                let sphere = port.sphere(index)?;
+                sphere::intersect(ray, &sphere, leaving).map(|t| (t, Self::Sphere { sphere, t }))
+            }
+            PrimitiveIndex::Cone(index) => {
+                let cone = port.cone(index)?;
+                cone::intersect(ray, &cone, leaving).map(|t| (t, Self::Cone { cone, t }))
+            }
+        })
+    }
 }
 
 /// A point on a surface, normalised coordinates.
@@ -61,13 +91,10 @@ impl Hit {
         let along = |t: f64| ray.origin_f64() + ray.direction_f64() * t;
         match &self.on {
             HitOn::Triangle { triangle, barycentrics } => {
-                let [a, b, c] = triangle.vertices();
-                let [u, v, w] = *barycentrics;
-                SurfacePoint {
-                    position: a * u + b * v + c * w,
-                    normal: (b - a).cross(c - a).normalize_or_zero(),
-                    source: Source::Polygon(triangle.polygon()),
-                }
+                let vertices = triangle.vertices().map(|vertex| vertex.to_array());
+                let (position, normal) = point_and_normal(vertices, *barycentrics);
+                let source = Source::Polygon(triangle.polygon());
+                SurfacePoint { position: position.into(), normal: normal.into(), source }
             }
             HitOn::Sphere { sphere, t } => {
                 let centre = DVec3::from(sphere.centre.map(f64::from));

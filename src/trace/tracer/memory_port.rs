@@ -53,3 +53,20 @@ pub trait MemoryPort {
     /// The error for a record that cannot be right, such as a tree deeper than the header says.
     fn corrupt(&mut self, what: &'static str) -> Self::Error;
 }
+
+/// Gives a macro every read that is of a record by its index alone: its name, section and record.
+#[macro_export]
+macro_rules! plain_reads {
+    ($each:ident) => {
+        $each! {
+            leaf_entry: LeafLists -> $crate::database::records::LeafEntry,
+            triangle: Triangles -> $crate::database::records::Triangle,
+            sphere: Spheres -> $crate::database::records::Sphere,
+            cone: Cones -> $crate::database::records::Cone,
+            surface: Surfaces -> $crate::database::records::Surface,
+            normals: Normals -> $crate::database::records::Normals,
+            material: Materials -> $crate::database::records::Material,
+        }
+    };
+}
+pub use plain_reads;

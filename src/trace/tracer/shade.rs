@@ -10,18 +10,14 @@ use super::octree::hero::Hero;
 use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, scatter, smooth};
 use super::ray::Ray;
 use super::stats::TraceStats;
-use super::view::View;
+use super::view::{Illumination, View};
 use crate::database::Header;
 use crate::database::records::{Material, PrimitiveId, Surface};
 
 /// Shades what rays hit, and casts the rays for it.
 pub struct Shader {
     hero: Hero,
-    /// Normalised position, linear RGB.
-    lights: Vec<(DVec3, Vec3)>,
-    background: Vec3,
-    depth: u32,
-    cutoff: f32,
+    illumination: Illumination,
 }
 
 /// What a primary ray brought.
@@ -42,13 +38,7 @@ struct Ancestry {
 
 impl Shader {
     pub fn new(header: &Header, view: &View, mailbox: bool) -> Self {
-        Self {
-            hero: Hero::new(header, mailbox),
-            lights: view.normalised_lights(&header.normalisation),
-            background: view.background.as_vec3(),
-            depth: view.image.depth(),
-            cutoff: view.image.cutoff(),
-        }
+        Self { hero: Hero::new(header, mailbox), illumination: Illumination::new(view, &header.normalisation) }
     }
 
     /// Traces a primary ray: normalised origin anywhere, unit direction.
@@ -64,7 +54,7 @@ impl Shader {
     ) -> Result<Seen, M::Error> {
         stats.rays[RayKind::Primary as usize] += 1;
         port.set_ray_kind(RayKind::Primary);
-        let missed = Seen { radiance: self.background, first: None };
+        let missed = Seen { radiance: self.illumination.background, first: None };
         let Some((ray, _)) = Ray::from_eye(eye, direction) else { return Ok(missed) };
         let Some(hit) = self.hero.nearest(port, &ray, stats)? else { return Ok(missed) };
         let point = hit.surface_point(&ray);
@@ -84,7 +74,7 @@ impl Shader {
         stats.rays[kind as usize] += 1;
         port.set_ray_kind(kind);
         match self.hero.nearest(port, ray, stats)? {
-            None => Ok(self.background),
+            None => Ok(self.illumination.background),
             Some(hit) => self.shade(port, ray, &hit, &hit.surface_point(ray), ancestry, stats),
         }
     }
@@ -105,11 +95,11 @@ impl Shader {
         let normal = DVec3::from(facing(normal.to_array(), incoming.to_array()));
         let mirrored = DVec3::from(mirrored(incoming.to_array(), normal.to_array()));
         let mut radiance = self.local(port, point, normal, mirrored, &material, stats)?;
-        if ancestry.bounces == self.depth {
+        if ancestry.bounces == self.illumination.depth {
             return Ok(radiance);
         }
         let refracted = || refract(&material, point.normal, normal, incoming);
-        let (reflection, refraction) = scatter(&material, ancestry.weight, self.cutoff, refracted);
+        let (reflection, refraction) = scatter(&material, ancestry.weight, self.illumination.cutoff, refracted);
         let reflection = reflection.map(|share| (share, mirrored));
         for (kind, ray) in [(RayKind::Reflection, reflection), (RayKind::Refraction, refraction)] {
             if let Some((Share { by_channel, weight }, direction)) = ray {
@@ -134,8 +124,8 @@ impl Shader {
         let (outward, normal, mirrored) = (point.normal.to_array(), normal.to_array(), mirrored.to_array());
         let finish = Finish { diffuse: material.diffuse, highlight: material.highlight, shine: &[material.shine] };
         let mut radiance = [0.0; 3];
-        for light in 0..self.lights.len() {
-            let (position, colour) = self.lights[light];
+        for light in 0..self.illumination.lights.len() {
+            let (position, colour) = self.illumination.lights[light];
             let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored);
             if to_light.turned_to == 0 {
                 continue;

@@ -16,9 +16,26 @@ pub struct View {
     pub image: ImageSettings,
 }
 
-impl View {
-    /// Positions as the tracer has them, and linear RGB.
-    pub fn normalised_lights(&self, normalisation: &Normalisation) -> Vec<(DVec3, Vec3)> {
-        self.lights.iter().map(|light| (normalisation.point(light.position), light.colour.as_vec3())).collect()
+/// What shading takes from a view.
+#[derive(Clone, Debug)]
+pub struct Illumination {
+    /// Normalised position, linear RGB.
+    pub lights: Vec<(DVec3, Vec3)>,
+    pub background: Vec3,
+    /// Reflections and refractions in a row.
+    pub depth: u32,
+    /// Weight in the pixel that a secondary ray must exceed.
+    pub cutoff: f32,
+}
+
+impl Illumination {
+    pub fn new(view: &View, normalisation: &Normalisation) -> Self {
+        let light = |light: &Light| (normalisation.point(light.position), light.colour.as_vec3());
+        Self {
+            lights: view.lights.iter().map(light).collect(),
+            background: view.background.as_vec3(),
+            depth: view.image.depth(),
+            cutoff: view.image.cutoff(),
+        }
     }
 }

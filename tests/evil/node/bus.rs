@@ -74,7 +74,7 @@ pub(crate) async fn messages(ground: &mut Ground) -> Outcome {
 
 pub(crate) async fn bulk_unread(ground: &mut Ground) -> Outcome {
     let (mut bus, replies) = ground.talk::<MemoryRequest, MemoryReply>(ground.bus()).await?;
-    let bytes = ground.configuration.header.layout.image_bytes().min(u64::from(BULK_BYTES_MAX)) as u32;
+    let bytes = ground.configuration.header.layout.database_bytes().min(u64::from(BULK_BYTES_MAX)) as u32;
     deed("reads nothing");
     for _ in 0..BULKS {
         bus.send(&MemoryRequest::Bulk { address: Address(0), bytes }).await?;

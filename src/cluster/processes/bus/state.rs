@@ -228,7 +228,7 @@ mod tests {
 
     /// 64 octree nodes in one granule, 100 materials in the next ones; byte i of the image is i mod 251.
     fn image() -> Vec<u8> {
-        (0..layout().image_bytes()).map(|i| (i % 251) as u8).collect()
+        (0..layout().database_bytes()).map(|i| (i % 251) as u8).collect()
     }
 
     fn layout() -> Layout {
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn what_may_not_be_asked_is_refused_and_the_bus_is_free_after_it() {
         let mut state = loaded(Arbiter::Fifo);
-        let end = layout().image_bytes();
+        let end = layout().database_bytes();
         let (tile, attempt, node) = (TileId(0), Attempt(0), NodeId(0));
         let bulk = |address, bytes| MemoryRequest::Bulk { address: Address(address), bytes };
         let job = MemoryRequest::Job { node, tile, attempt, bytes: 4 };

@@ -37,7 +37,7 @@ impl Facts {
             scene: Scene {
                 source: topology.scene.to_string(),
                 primitives: header.scene_primitives,
-                database_bytes: header.layout.image_bytes(),
+                database_bytes: header.layout.database_bytes(),
             },
             octree: Octree::new(&Census::of(&prepared.database)),
             load: prepared.load,
@@ -53,7 +53,7 @@ impl Facts {
 /// The topology asks for a memory that cannot be made for this image.
 pub(super) fn local_bytes(topology: &Topology, layout: &Layout) -> Result<u64, RunError> {
     match topology.cluster.local_memory.size {
-        MemorySize::All => Ok(layout.image_bytes()),
+        MemorySize::All => Ok(layout.database_bytes()),
         _ => Ok(Geometry::new(&topology.cluster.local_memory, layout)?.local_bytes()),
     }
 }

@@ -10,7 +10,7 @@ use tokio::sync::mpsc;
 use tokio::time::timeout;
 
 use super::event::Event;
-use super::places::Places;
+use super::launch::slots::JoinSlots;
 use super::process::{Command, ProcessId, Report};
 use crate::protocol::connection::{Connection, ConnectionError, Credentials, Fault, Listener, Peer, Receiver, Sender};
 use crate::protocol::control::{self, BusCommand, DisplayCommand, MasterCommand, NodeCommand};
@@ -25,7 +25,7 @@ const COMMANDS_MAX: usize = 256;
 pub(super) struct ControlPort {
     listener: Listener,
     connections: Connections,
-    places: Places,
+    slots: JoinSlots,
     /// Between two signs of life.
     heartbeat: Duration,
     events: mpsc::Sender<Event>,
@@ -51,7 +51,7 @@ enum Queue {
 }
 
 impl ControlPort {
-    /// What processes tell goes to `events`; who joins, where that is allowed, is led to the `places`.
+    /// What processes tell goes to `events`; who joins, where that is allowed, is led to the `slots`.
     ///
     /// # Errors
     /// The address cannot be bound.
@@ -70,15 +70,15 @@ impl ControlPort {
             _ => Err("a process of this run that has just been started".to_owned()),
         };
         let listener = Listener::bind_to(address, credentials, admits).await?;
-        Ok(Self { listener, connections, places: Places::new(), heartbeat, events })
+        Ok(Self { listener, connections, slots: JoinSlots::new(), heartbeat, events })
     }
 
     pub(super) fn connections(&self) -> Connections {
         self.connections.clone()
     }
 
-    pub(super) fn places(&self) -> Places {
-        self.places.clone()
+    pub(super) fn slots(&self) -> JoinSlots {
+        self.slots.clone()
     }
 
     pub(super) fn address(&self) -> SocketAddr {
@@ -94,7 +94,7 @@ impl ControlPort {
     pub(super) async fn arrival(&mut self) -> Event {
         loop {
             match self.listener.arrival().await {
-                Ok((peer, connection)) if peer.epoch == Epoch::JOINING => self.places.welcome(peer.role, connection),
+                Ok((peer, connection)) if peer.epoch == Epoch::JOINING => self.slots.welcome(peer.role, connection),
                 Ok((peer, connection)) => return self.admit(peer, connection),
                 Err(refused) => return Event::Refused(refused.to_string()),
             }

@@ -4,24 +4,20 @@
 //! `state` decides, `shell` moves messages and processes.
 
 mod cause;
-mod children;
 mod closing;
 mod control_port;
 mod disturbance;
 mod event;
-mod executables;
-mod lifecycle;
+#[cfg(any(test, feature = "testing"))]
+mod fixture;
+mod folder;
+mod launch;
 mod metrics;
-mod output_folder;
-mod places;
 mod plan;
 pub(in crate::processes) mod process;
 mod reach;
-mod recorded;
 #[cfg(any(test, feature = "testing"))]
 pub(in crate::processes) mod rehearsal;
-#[cfg(any(test, feature = "testing"))]
-mod sample;
 mod shell;
 pub(in crate::processes) mod state;
 
@@ -35,9 +31,10 @@ use sha2::{Digest, Sha256};
 
 use self::cause::Cause;
 pub use self::cause::Interrupt;
-use self::executables::Executables;
-pub use self::executables::MissingExecutable;
-use self::output_folder::{Opening, OutputError, OutputFolder};
+use self::folder::output_folder::{Opening, OutputError, OutputFolder};
+use self::folder::{output_folder, recorded};
+use self::launch::executables::Executables;
+pub use self::launch::executables::MissingExecutable;
 use self::plan::Plan;
 use super::event_queue::event_queue;
 use super::health::HealthError;
@@ -78,7 +75,7 @@ pub struct RunRequest {
     /// Whether addresses at which other machines can knock are used without TLS.
     pub insecure: bool,
     /// Faults on purpose.
-    pub chaos: Option<chaos::Schedule>,
+    pub chaos: Option<chaos::FaultSchedule>,
     /// Where to tell health and metrics; of this host alone.
     pub health: Option<SocketAddr>,
     /// No progress on standard error.
@@ -126,7 +123,7 @@ pub enum RunError {
     #[error("cluster.local_memory: {0}")]
     LocalMemory(#[from] machine::hardware::local_memory::GeometryError),
     #[error("--chaos: {0}")]
-    Chaos(#[from] chaos::NoSuchPlace),
+    Chaos(#[from] chaos::NoSuchSlot),
     #[error(transparent)]
     MissingExecutable(#[from] MissingExecutable),
     #[error(transparent)]
@@ -319,7 +316,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     Ok(RunOutcome { end, report })
 }
 
-fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchPlace> {
+fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchSlot> {
     let cluster = &request.topology.cluster;
     let cast = chaos::Cast { clusters: cluster.count, nodes: cluster.all_nodes() };
     request.chaos.as_ref().map_or(Ok(Vec::new()), |schedule| schedule.faults(cast))

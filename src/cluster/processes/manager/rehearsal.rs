@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::cause::Cause;
 use super::closing;
 use super::event::{Action, Event};
-use super::sample;
+use super::fixture;
 use super::state::State;
 use crate::report::Incident;
 use crate::report::conservation::Conservation;
@@ -17,7 +17,7 @@ use trace::database::Header;
 use trace::tracer::View;
 
 /// The run that is rehearsed.
-pub(in crate::processes) const RUN: RunId = sample::RUN;
+pub(in crate::processes) const RUN: RunId = fixture::RUN;
 
 /// What is rehearsed.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ pub(in crate::processes) struct Queues {
 
 impl Rehearsal {
     pub(in crate::processes) fn start(play: &Play, header: &Header, view: View) -> (Self, Vec<Action>) {
-        let mut plan = sample::plan(play.nodes, play.tiles);
+        let mut plan = fixture::plan(play.nodes, play.tiles);
         plan.cluster = Cluster { count: play.clusters, nodes: play.nodes, ..plan.cluster };
         plan.cluster.local_memory.size = play.memory;
         plan.run = play.run;

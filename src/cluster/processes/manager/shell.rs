@@ -17,13 +17,13 @@ use tokio::time::sleep_until;
 
 use super::RunError;
 use super::cause::Interrupt;
-use super::children::{Children, HEARTBEATS};
 use super::control_port::ControlPort;
 use super::disturbance::Disturbance;
 use super::event::{Action, Event};
-use super::executables::Executables;
+use super::folder::output_folder::OutputFolder;
+use super::launch::children::{Children, HEARTBEATS};
+use super::launch::executables::Executables;
 use super::metrics;
-use super::output_folder::OutputFolder;
 use super::plan::Plan;
 use super::process::ProcessId;
 use super::reach;
@@ -156,7 +156,7 @@ impl Run {
             }
             shell.disturb(&mut state);
         }
-        shell.port.places().close().await;
+        shell.port.slots().close().await;
         progress.finish(&status(&state));
         let chaos = shell.disturbance.close().map(|(chaos, missed)| {
             missed.into_iter().for_each(|text| state.supervision.incident(format!("chaos: {text}")));
@@ -207,7 +207,7 @@ impl Shell {
             placement: plan.placement.clone(),
             advertised,
             heartbeat,
-            places: port.places(),
+            slots: port.slots(),
             connections: port.connections(),
             events: events.clone(),
             alive: HashMap::new(),

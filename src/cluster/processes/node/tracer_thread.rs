@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::thread;
 
 use crossbeam_channel as channel;
-use nix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc;
 
 use super::bus_lines::BusLines;
@@ -18,6 +17,7 @@ use crate::protocol::connection::Introduction;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::hello::Role;
 use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use ground::processor_time;
 use ground::pulse::{Beacon, Pulse};
 use trace::picture::AovSet;
 
@@ -82,19 +82,14 @@ fn trace_all(
 }
 
 fn trace(job: &Job, memory: &mut dyn TileMemory, aov: AovSet) -> Result<Traced, Box<dyn Error>> {
-    let start = thread_cpu_nanoseconds()?;
+    let start = processor_time::of_this_thread();
     memory.bus().begin(job.tile, job.attempt);
     let (pixels, trace) = memory.trace(job, aov)?;
-    let render_cpu_nanoseconds = thread_cpu_nanoseconds()?.saturating_sub(start);
+    let render_cpu_nanoseconds = processor_time::of_this_thread().saturating_sub(start).as_nanos() as u64;
     memory.bus().tell_pixels(job.rect.pixel_count())?;
     let Job { tile, attempt, permit, .. } = *job;
     let done = TileDone { tile, attempt, trace, memory: memory.take_stats(), render_cpu_nanoseconds };
     Ok(Traced { done: Box::new(done), pixels: Arc::new(pixels), permit })
-}
-
-fn thread_cpu_nanoseconds() -> nix::Result<u64> {
-    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)?;
-    Ok(time.tv_sec() as u64 * 1_000_000_000 + time.tv_nsec() as u64)
 }
 
 fn with_causes(error: &dyn Error) -> String {

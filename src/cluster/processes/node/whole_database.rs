@@ -36,7 +36,7 @@ pub enum PullError {
 /// # Errors
 /// The bus is lost, the image does not fit into memory or is not a sound database.
 pub fn pull(header: &Header, bus: &mut BusLines) -> Result<Verified, PullError> {
-    let bytes = header.layout.image_bytes();
+    let bytes = header.layout.database_bytes();
     let out_of_memory = |_| PullError::OutOfMemory { bytes };
     let mut words: Vec<u32> = Vec::new();
     // Layouts are whole granules, hence whole words.

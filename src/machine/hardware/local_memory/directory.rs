@@ -38,7 +38,7 @@ impl<R: Replacement> Directory<R> {
         Self {
             geometry,
             seed,
-            slots: vec![0; geometry.image_lines as usize],
+            slots: vec![0; geometry.database_lines as usize],
             lines: vec![0; geometry.lines() as usize],
             filled: vec![0; geometry.sets as usize],
             replacement: R::new(geometry.sets, geometry.ways, seed),
@@ -52,7 +52,7 @@ impl<R: Replacement> Directory<R> {
     /// References a line, and gives it a slot if it has none.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `image_lines`.
+    /// `line` is not below the geometry's `database_lines`.
     #[inline(always)]
     pub fn reference(&mut self, line: u32) -> Reference {
         let Some(slot) = self.slot(line) else { return self.fill(line, line % self.geometry.sets) };
@@ -63,7 +63,7 @@ impl<R: Replacement> Directory<R> {
     /// The slot of a line that is in the memory. What is read there is a reference: [`Self::hit`] is to follow.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `image_lines`.
+    /// `line` is not below the geometry's `database_lines`.
     #[inline(always)]
     pub fn slot(&self, line: u32) -> Option<u32> {
         self.slots[line as usize].checked_sub(1)
@@ -118,7 +118,8 @@ mod tests {
     #[test]
     fn lines_go_to_the_slots_of_their_set() {
         // Three sets of two ways; lines 1, 4, 7 and 10 belong to set 1, whose slots are 2 and 3.
-        let mut directory = Directory::<Fifo>::new(Geometry { line_bytes: 16, image_lines: 12, sets: 3, ways: 2 }, 0);
+        let mut directory =
+            Directory::<Fifo>::new(Geometry { line_bytes: 16, database_lines: 12, sets: 3, ways: 2 }, 0);
         assert_eq!(directory.reference(1), Reference::Miss { slot: 2, evicted: None });
         assert_eq!(directory.reference(4), Reference::Miss { slot: 3, evicted: None });
         assert_eq!(directory.reference(1), Reference::Hit { slot: 2 });
@@ -130,7 +131,7 @@ mod tests {
 
     #[test]
     fn an_absent_line_is_not_brought_in_by_asking() {
-        let geometry = Geometry { line_bytes: 16, image_lines: 4, sets: 1, ways: 2 };
+        let geometry = Geometry { line_bytes: 16, database_lines: 4, sets: 1, ways: 2 };
         let mut directory = Directory::<Lru>::new(geometry, 0);
         assert_eq!(directory.slot(3), None);
         assert_eq!(directory.reference(3), Reference::Miss { slot: 0, evicted: None });
@@ -142,7 +143,7 @@ mod tests {
 
     #[test]
     fn cleared_it_is_as_new() {
-        let geometry = Geometry { line_bytes: 16, image_lines: 8, sets: 2, ways: 2 };
+        let geometry = Geometry { line_bytes: 16, database_lines: 8, sets: 2, ways: 2 };
         let mut directory = Directory::<Lru>::new(geometry, 0);
         let run = |directory: &mut Directory<Lru>| [0, 2, 4, 1, 0].map(|line| directory.reference(line));
         let first = run(&mut directory);

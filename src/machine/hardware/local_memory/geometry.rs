@@ -6,14 +6,14 @@ use trace::database::Layout;
 /// Fewer lines make no memory: the lines of a record alone would drive each other out.
 pub const LINES_MIN: u64 = specification::LocalMemory::LINES_MIN;
 
-/// A local memory of `sets` sets of `ways` lines, for an image of `image_lines` lines.
+/// A local memory of `sets` sets of `ways` lines, for an image of `database_lines` lines.
 ///
 /// Line `n` of the image belongs to set `n mod sets`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Geometry {
     /// A power of two, 16 to 256.
     pub line_bytes: u32,
-    pub image_lines: u32,
+    pub database_lines: u32,
     pub sets: u32,
     pub ways: u32,
 }
@@ -41,44 +41,51 @@ impl Geometry {
     /// # Errors
     /// A value is out of its range, or there are fewer lines than ways.
     pub fn new(memory: &specification::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
-        Self::of_image(memory, layout.image_bytes())
+        Self::of_database(memory, layout.database_bytes())
     }
 
     /// [`Self::new`] for an image of so many bytes, a multiple of 256, at most 2³².
     ///
     /// # Errors
     /// As of `new`.
-    pub fn of_image(memory: &specification::LocalMemory, image_bytes: u64) -> Result<Self, GeometryError> {
+    pub fn of_database(memory: &specification::LocalMemory, database_bytes: u64) -> Result<Self, GeometryError> {
         let line_bytes = memory.line;
         if !line_bytes.is_power_of_two() || !(16..=256).contains(&line_bytes) {
             return Err(GeometryError::Line(line_bytes));
         }
-        if image_bytes == 0 {
+        if database_bytes == 0 {
             return Err(GeometryError::EmptyImage);
         }
-        assert!(image_bytes.is_multiple_of(u64::from(line_bytes)), "sections fill whole granules, and these are lines");
+        assert!(
+            database_bytes.is_multiple_of(u64::from(line_bytes)),
+            "sections fill whole granules, and these are lines"
+        );
         // At most 2³² bytes in lines of at least 16.
-        let image_lines = (image_bytes / u64::from(line_bytes)) as u32;
+        let database_lines = (database_bytes / u64::from(line_bytes)) as u32;
 
-        let asked = Self::lines_asked(memory.size, line_bytes, image_bytes)?;
+        let asked = Self::lines_asked(memory.size, line_bytes, database_bytes)?;
         let ways = memory.ways.unwrap_or(u32::MAX);
         if ways == 0 || memory.ways.is_some_and(|ways| u64::from(ways) > asked) {
             return Err(GeometryError::Ways { ways, lines: u32::try_from(asked).unwrap_or(u32::MAX) });
         }
-        let lines = asked.min(u64::from(image_lines)) as u32;
+        let lines = asked.min(u64::from(database_lines)) as u32;
         let ways = ways.min(lines);
-        Ok(Self { line_bytes, image_lines, sets: lines / ways, ways })
+        Ok(Self { line_bytes, database_lines, sets: lines / ways, ways })
     }
 
-    fn lines_asked(size: specification::MemorySize, line_bytes: u32, image_bytes: u64) -> Result<u64, GeometryError> {
+    fn lines_asked(
+        size: specification::MemorySize,
+        line_bytes: u32,
+        database_bytes: u64,
+    ) -> Result<u64, GeometryError> {
         let line = u64::from(line_bytes);
         match size {
-            specification::MemorySize::All => Ok((image_bytes / line).max(LINES_MIN)),
+            specification::MemorySize::All => Ok((database_bytes / line).max(LINES_MIN)),
             specification::MemorySize::Share { numerator, denominator } => {
                 if numerator == 0 || numerator > denominator {
                     return Err(GeometryError::Share { numerator, denominator });
                 }
-                let bytes = u128::from(image_bytes) * u128::from(numerator) / u128::from(denominator);
+                let bytes = u128::from(database_bytes) * u128::from(numerator) / u128::from(denominator);
                 Ok((bytes as u64 / line).max(LINES_MIN))
             }
             specification::MemorySize::Bytes(bytes) if bytes < LINES_MIN * line => {
@@ -133,7 +140,7 @@ mod tests {
         for (granules, size, line, ways, expected) in table {
             let geometry = Geometry::new(&memory(size, line, ways), &image(granules)).expect("within ranges");
             assert_eq!((geometry.sets, geometry.ways), expected, "{granules} {size:?} {line} {ways:?}");
-            assert!(geometry.lines() <= geometry.image_lines);
+            assert!(geometry.lines() <= geometry.database_lines);
         }
     }
 

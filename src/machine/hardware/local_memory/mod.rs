@@ -19,9 +19,9 @@ use missing::{Missing, copy_overlap};
 
 use super::replacement::Replacement;
 use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
-use trace::database::records::MAX_DEPTH;
-use trace::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use trace::database::records::{MAX_DEPTH, Material, OctreeWord};
 use trace::database::{Layout, Section};
+use trace::tracer::memory_port::plain_reads;
 use trace::tracer::{MemoryPort, RayKind};
 
 /// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.
@@ -44,7 +44,7 @@ pub enum MemoryError<E> {
 
 /// Where a section's records lie.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct SectionWords {
     /// Words from the start of the image.
     base: u32,
     records: u32,
@@ -60,7 +60,7 @@ pub struct LocalMemory<R, S> {
     line_shift: u32,
     /// The bits of a word's address that tell the place in a line.
     offset_mask: u32,
-    places: [Place; Section::COUNT],
+    sections: [SectionWords; Section::COUNT],
     source: S,
     /// Fetched lines, on their way to the record and to their slots.
     fetched: Vec<u32>,
@@ -79,14 +79,14 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     /// `geometry` is that of another image.
     pub fn new(geometry: Geometry, layout: &Layout, seed: u64, source: S) -> Self {
         assert_eq!(
-            u64::from(geometry.image_lines) * u64::from(geometry.line_bytes),
-            layout.image_bytes(),
+            u64::from(geometry.database_lines) * u64::from(geometry.line_bytes),
+            layout.database_bytes(),
             "a local memory's geometry is resolved for its image"
         );
         let place = |section| {
             let span = layout.span(section);
             // An image is of at most 2³² bytes, so that its words can be counted.
-            Place { base: (span.base.0 / WORD as u64) as u32, records: span.records as u32 }
+            SectionWords { base: (span.base.0 / WORD as u64) as u32, records: span.records as u32 }
         };
         let line_words = geometry.line_bytes / WORD as u32;
         Self {
@@ -94,7 +94,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             data: vec![0; geometry.local_bytes() as usize / WORD + 2 * RECORD_WORDS_MAX as usize],
             line_shift: line_words.trailing_zeros(),
             offset_mask: line_words - 1,
-            places: Section::ALL.map(place),
+            sections: Section::ALL.map(place),
             source,
             fetched: vec![0; RECORD_LINES_MAX * line_words as usize],
             ray_kind: RayKind::Primary,
@@ -132,7 +132,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
 
     #[inline(always)]
     fn record<T: Pod>(&mut self, section: Section, index: u32, class: usize) -> Result<T, MemoryError<S::Error>> {
-        let place = self.places[section as usize];
+        let place = self.sections[section as usize];
         if index >= place.records {
             return Err(MemoryError::OutOfRange { section, index });
         }
@@ -253,6 +253,15 @@ fn join<T: Pod>(first: &[u32], second: &[u32], split: u32) -> T {
     record
 }
 
+macro_rules! counted_read {
+    ($($read:ident: $section:ident -> $record:ty,)*) => {$(
+        #[inline(always)]
+        fn $read(&mut self, index: u32) -> Result<$record, Self::Error> {
+            self.record(Section::$section, index, section_class(Section::$section))
+        }
+    )*};
+}
+
 impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
     type Error = MemoryError<S::Error>;
 
@@ -266,40 +275,7 @@ impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
         self.record(Section::OctreeNodes, index, octree_class(level.min(MAX_DEPTH)))
     }
 
-    #[inline(always)]
-    fn leaf_entry(&mut self, index: u32) -> Result<LeafEntry, Self::Error> {
-        self.record(Section::LeafLists, index, section_class(Section::LeafLists))
-    }
-
-    #[inline(always)]
-    fn triangle(&mut self, index: u32) -> Result<Triangle, Self::Error> {
-        self.record(Section::Triangles, index, section_class(Section::Triangles))
-    }
-
-    #[inline(always)]
-    fn sphere(&mut self, index: u32) -> Result<Sphere, Self::Error> {
-        self.record(Section::Spheres, index, section_class(Section::Spheres))
-    }
-
-    #[inline(always)]
-    fn cone(&mut self, index: u32) -> Result<Cone, Self::Error> {
-        self.record(Section::Cones, index, section_class(Section::Cones))
-    }
-
-    #[inline(always)]
-    fn surface(&mut self, index: u32) -> Result<Surface, Self::Error> {
-        self.record(Section::Surfaces, index, section_class(Section::Surfaces))
-    }
-
-    #[inline(always)]
-    fn normals(&mut self, index: u32) -> Result<Normals, Self::Error> {
-        self.record(Section::Normals, index, section_class(Section::Normals))
-    }
-
-    #[inline(always)]
-    fn material(&mut self, index: u32) -> Result<Material, Self::Error> {
-        self.record(Section::Materials, index, section_class(Section::Materials))
-    }
+    plain_reads!(counted_read);
 
     #[cold]
     fn corrupt(&mut self, what: &'static str) -> Self::Error {

@@ -16,7 +16,7 @@ fn layout() -> Layout {
 
 /// A byte's value tells its place well enough that no two lines are equal.
 fn image() -> Vec<u8> {
-    (0..layout().image_bytes() / 4).flat_map(|word| (word as u32).wrapping_mul(0x9E37_79B1).to_le_bytes()).collect()
+    (0..layout().database_bytes() / 4).flat_map(|word| (word as u32).wrapping_mul(0x9E37_79B1).to_le_bytes()).collect()
 }
 
 fn cluster_memory() -> ClusterMemory {
@@ -134,8 +134,8 @@ proptest! {
     ) {
         // No topology allows so few lines; here the lines of a material drive each other out.
         let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
-        let image_lines = (layout.image_bytes() / 16) as u32;
-        let geometry = Geometry { line_bytes: 16, image_lines, sets, ways };
+        let database_lines = (layout.database_bytes() / 16) as u32;
+        let geometry = Geometry { line_bytes: 16, database_lines, sets, ways };
         let mut memory = LocalMemory::<Random, _>::new(geometry, &layout, 9, &cluster_memory);
         for (section, index) in reads {
             let section = Section::ALL[section];

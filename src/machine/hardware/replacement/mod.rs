@@ -60,7 +60,7 @@ mod tests {
     const STALLINGS: [u32; 12] = [2, 3, 2, 1, 5, 2, 4, 5, 3, 2, 5, 2];
 
     pub(super) fn geometry(sets: u32, ways: u32) -> Geometry {
-        Geometry { line_bytes: 16, image_lines: 64, sets, ways }
+        Geometry { line_bytes: 16, database_lines: 64, sets, ways }
     }
 
     /// Per reference whether it missed.

@@ -170,7 +170,7 @@ fn every_damage_is_named_with_what_can_still_be_used() {
     let foreign = foreign.into_inner().expect("in memory");
     let with_log = |log: Vec<u8>| vouched(Files { log, sidecar: sound.sidecar.clone() });
     let without_column = |schema: Schema| schema.project(&(0..15).collect::<Vec<_>>()).expect("a projection");
-    let image = metadata().layout.image_bytes();
+    let image = metadata().layout.database_bytes();
 
     let damages: Vec<Damage> = vec![
         ("empty", with_log(Vec::new()), "schema: expected a schema, the stream is empty; nothing", 0, false),

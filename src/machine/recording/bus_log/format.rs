@@ -58,7 +58,7 @@ impl Metadata {
         };
         let arbiter = entry("marti.arbiter").ok_or_else(|| missing("marti.arbiter"))?;
         let layout = layout(entry("marti.records").ok_or_else(|| missing("marti.records"))?)?;
-        let (said, counted) = (number("marti.image_bytes")?, layout.image_bytes());
+        let (said, counted) = (number("marti.image_bytes")?, layout.database_bytes());
         if said != counted {
             return Err(format!("marti.image_bytes: expected the {counted} of marti.records, found {said}"));
         }

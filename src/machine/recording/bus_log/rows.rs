@@ -111,7 +111,7 @@ fn shape(row: &Transaction, of: &Metadata) -> Option<&'static str> {
     let moved = row.address.is_some() && row.crc32c.is_some();
     let only_fetch = row.section.is_none() && row.lines.is_none() && row.accesses_before.is_none();
     let end = |span: u64| row.address.and_then(|address| address.0.checked_add(span));
-    let within = |span: u64| end(span).is_some_and(|end| end <= of.layout.image_bytes());
+    let within = |span: u64| end(span).is_some_and(|end| end <= of.layout.database_bytes());
     let sound = match row.kind {
         Kind::Fetch => {
             let (Some(address), Some(section), Some(lines), Some(_)) =

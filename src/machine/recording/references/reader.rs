@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::scan::{Place, Scan};
+use super::scan::{Part, Scan};
 use super::{Conditions, LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar, file_name};
 use crate::hardware::references::RecordNumbers;
 use crate::hardware::trace::{Trace, TraceError, TracedTile};
@@ -44,7 +44,7 @@ pub struct Recording {
     pub references: u64,
     pub lost: Vec<LostTile>,
     files: Vec<(PathBuf, File)>,
-    parts: Vec<(u32, Place)>,
+    parts: Vec<(u32, Part)>,
     tiles: Vec<TracedTile>,
 }
 

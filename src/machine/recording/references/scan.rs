@@ -10,7 +10,7 @@ use arrow_schema::Schema;
 
 use super::format::{COLUMNS, columns, row_crc32c};
 use super::{FORMAT_VERSION, FileFacts};
-use crate::hardware::references::{PART_WORDS, RecordNumbers, Word};
+use crate::hardware::references::{PART_WORDS, RecordNumbers, ReferenceWord};
 use crate::recording::batches::{Batch, BatchError, BatchLimits, Batches};
 use crate::recording::frames::{FrameLimits, ReadAt};
 use crate::recording::metadata::records_json;
@@ -25,7 +25,7 @@ pub(super) const LIMITS: BatchLimits =
 
 /// Where some words of a stream lie.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct Place {
+pub(super) struct Part {
     pub(super) offset: u64,
     pub(super) words: u32,
     /// Of the words alone.
@@ -52,7 +52,7 @@ pub(super) struct Scan {
     pub(super) facts: FileFacts,
     pub(super) node: NodeId,
     pub(super) epoch: Epoch,
-    pub(super) parts: Vec<Place>,
+    pub(super) parts: Vec<Part>,
     pub(super) tiles: Vec<ScannedTile>,
     /// What ended the scan before the file did; all before it is sound.
     pub(super) fault: Option<String>,
@@ -131,7 +131,7 @@ impl Scan {
     }
 
     /// Adds the row to its tile.
-    fn book(&mut self, row: &Row, place: Place, reads: u64, tests: u64) -> Result<(), String> {
+    fn book(&mut self, row: &Row, place: Part, reads: u64, tests: u64) -> Result<(), String> {
         let (tile, attempt) = (row.tile, row.attempt);
         match self.tiles.last().filter(|last| !last.whole) {
             Some(open) if (open.tile, open.attempt, open.parts) != (tile, attempt, row.part) => {
@@ -204,7 +204,7 @@ fn value<T: ArrowPrimitiveType>(column: &dyn Array) -> Result<T::Native, String>
 }
 
 /// Checks a row's words, and counts reads and reads of primitives.
-fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Place, u64, u64), String> {
+fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Part, u64, u64), String> {
     let crc32c = crc32c::crc32c(bytemuck::cast_slice(row.words));
     let found = row_crc32c(crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
     // A fuzzer cannot guess checksums, and is to see what they guard.
@@ -214,15 +214,15 @@ fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Place, u64, u64), 
     let tested = numbers.section(Section::Triangles).start..numbers.section(Section::Surfaces).start;
     let (mut reads, mut tests) = (0u64, 0u64);
     for &word in row.words {
-        if Word(word).is_read() {
+        if ReferenceWord(word).is_read() {
             if word >= numbers.count() {
                 return Err(format!("a read of record {word}, expected one below {}", numbers.count()));
             }
             reads += 1;
             tests += u64::from(tested.contains(&word));
-        } else if Word(word).decode().is_none() {
+        } else if ReferenceWord(word).decode().is_none() {
             return Err(format!("{word:#010x} is no word that this version knows"));
         }
     }
-    Ok((Place { offset: row.offset, words: row.words.len() as u32, crc32c }, reads, tests))
+    Ok((Part { offset: row.offset, words: row.words.len() as u32, crc32c }, reads, tests))
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
-use crate::hardware::references::{PART_WORDS, RecordNumbers, Word};
+use crate::hardware::references::{PART_WORDS, RecordNumbers, ReferenceWord};
 use crate::hardware::specification::{Bus, Cluster, LocalMemory, MemorySize, Processor, Replacement};
 use crate::hardware::trace::Trace;
 use crate::tile_order::TileOrder;
@@ -25,8 +25,8 @@ fn layout() -> Layout {
 /// Words of a tile: a ray, then reads all over the image.
 fn words(tile: u32, count: u32) -> Vec<u32> {
     let records = RecordNumbers::new(&layout()).count();
-    let read = |i| Word::read((tile * 37 + i * 11) % records).0;
-    std::iter::once(Word::ray(RayKind::Primary).0).chain((0..count).map(read)).collect()
+    let read = |i| ReferenceWord::read((tile * 37 + i * 11) % records).0;
+    std::iter::once(ReferenceWord::ray(RayKind::Primary).0).chain((0..count).map(read)).collect()
 }
 
 fn primitives(words: &[u32]) -> u64 {
@@ -132,7 +132,7 @@ fn what_is_written_is_read() {
         }
     }
     assert_eq!(rows(&recording), expected);
-    let reads = |row: &Read| row.5.iter().filter(|&&word| Word(word).is_read()).count() as u64;
+    let reads = |row: &Read| row.5.iter().filter(|&&word| ReferenceWord(word).is_read()).count() as u64;
     assert_eq!(recording.references, expected.iter().map(reads).sum::<u64>());
     assert_eq!((recording.layout, recording.tiling, recording.lost), (layout(), TILING, vec![LOST]));
     assert_eq!(recording.octree_levels, (0..10).collect::<Vec<u8>>());

@@ -59,7 +59,7 @@ pub fn contention_table<S: Subject>(
     nodes: &[u16],
     tick: impl Fn(usize) + Sync,
 ) -> Result<ContentionTable, TraceError> {
-    let geometry = Geometry::of_image(&setting.memory(), subject.image_bytes())
+    let geometry = Geometry::of_database(&setting.memory(), subject.database_bytes())
         .map_err(|error| TraceError(format!("local memory: {error}")))?;
     let assignment = match setting.assignment {
         Assignment::Recorded => Assignment::Interleaved,

@@ -10,7 +10,7 @@ use crate::hardware::specification::Bus;
 use crate::replay::TraceError;
 use crate::replay::contention::work::{RecordedWork, Step, Tiles};
 use crate::replay::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
-use crate::replay::model::count::Counters;
+use crate::replay::model::replayer::Counters;
 use crate::replay::plan::schedule::schedule;
 use crate::replay::plan::setting::{Assignment, Setting};
 use crate::replay::stream::subject::Subject;

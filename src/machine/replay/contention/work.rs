@@ -8,7 +8,7 @@ use crate::hardware::replacement::Replacement;
 use crate::hardware::transaction::Kind;
 use crate::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::contention::{Burst, Cycle, Transaction, Workload};
-use crate::replay::model::count::{Counters, Replayer, Sum};
+use crate::replay::model::replayer::{Counters, Replayer, Sum};
 use crate::replay::stream::subject::Subject;
 use crate::replay::{Lines, Tally, TraceError};
 use ground::ids::{NodeId, TileId};

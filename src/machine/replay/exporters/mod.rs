@@ -14,7 +14,7 @@ pub mod vcd;
 
 use std::io;
 
-use crate::hardware::references::{Event, Word};
+use crate::hardware::references::{Event, ReferenceWord};
 use crate::replay::stream::reads;
 use crate::replay::{Lines, Trace, TraceError};
 
@@ -29,7 +29,7 @@ pub enum ExportError {
 
 /// What a word says; an error for one of a kind that no version writes yet.
 fn decode(word: u32) -> Result<Event, TraceError> {
-    Word(word).decode().ok_or_else(|| TraceError(format!("{word:#010x} is no word that this version knows")))
+    ReferenceWord(word).decode().ok_or_else(|| TraceError(format!("{word:#010x} is no word that this version knows")))
 }
 
 /// The lines that the words of a part reference, in order, appended to `referenced`.

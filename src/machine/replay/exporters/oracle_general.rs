@@ -13,7 +13,7 @@ use crate::replay::{Lines, Trace, TraceError};
 pub const REFERENCE_BYTES: u64 = 24;
 
 /// A part of the trace, and where its references go.
-struct Place {
+struct CountedPart {
     tile: u32,
     part: u32,
     /// References before it.
@@ -35,9 +35,9 @@ pub fn write(
     line_bytes: u32,
 ) -> Result<u64, ExportError> {
     let (mut words, mut referenced) = (Vec::new(), Vec::new());
-    let (mut places, mut references) = (Vec::new(), 0);
+    let (mut counted, mut references) = (Vec::new(), 0);
     for (tile, part) in parts(trace, tiles) {
-        places.push(Place { tile, part, before: references });
+        counted.push(CountedPart { tile, part, before: references });
         trace.read(part, &mut words)?;
         referenced.clear();
         line_references(&words, lines, &mut referenced)?;
@@ -48,7 +48,7 @@ pub fn write(
     // By line, the number of its next reference; 0 when there is none.
     let mut next = vec![0u64; lines.count() as usize];
     let (mut bytes, mut end) = (Vec::new(), references);
-    for &Place { tile, part, before } in places.iter().rev() {
+    for &CountedPart { tile, part, before } in counted.iter().rev() {
         trace.read(part, &mut words)?;
         referenced.clear();
         line_references(&words, lines, &mut referenced)?;

@@ -16,9 +16,9 @@ fn example() -> (Layout, Captured) {
     // Octree words from 0 on (64 bytes in a granule of 256), triangles of 40 bytes from 256 on.
     let layout = Layout::new([16, 0, 4, 0, 0, 0, 0, 0]).expect("small");
     let numbers = RecordNumbers::new(&layout);
-    let octree = |index| Word::read(numbers.number(Section::OctreeNodes, index)).0;
-    let triangle = |index| Word::read(numbers.number(Section::Triangles, index)).0;
-    let ray = |kind| Word::ray(kind).0;
+    let octree = |index| ReferenceWord::read(numbers.number(Section::OctreeNodes, index)).0;
+    let triangle = |index| ReferenceWord::read(numbers.number(Section::Triangles, index)).0;
+    let ray = |kind| ReferenceWord::ray(kind).0;
     let mut trace = Captured::default();
     let first = vec![ray(RayKind::Primary), octree(0), octree(9), triangle(1), ray(RayKind::Shadow), octree(0)];
     trace.push(NodeId(0), TileId(0), [first]);

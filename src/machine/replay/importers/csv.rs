@@ -8,16 +8,8 @@ use super::table_lines::{EXTENT_BYTES_MAX, Unit};
 use super::text_file::{TextFile, hexadecimal, number, quoted};
 use trace::scene::SourceError;
 
-/// Reads a file whose first line names its columns. Without `bytes` a reference is to the line that its address lies
+/// Reads a trace whose first line names its columns. Without `bytes` a reference is to the line that its address lies
 /// in. Fields may stand in quotation marks, but not go on over the end of a line.
-///
-/// # Errors
-/// The place of what is wrong, and what was expected.
-pub fn import(path: &Path) -> Result<Imported, SourceError> {
-    read(path, super::open(path)?)
-}
-
-/// As [`import`]; errors name `file`.
 ///
 /// # Errors
 /// The place of what is wrong, and what was expected.

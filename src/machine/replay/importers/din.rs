@@ -8,16 +8,8 @@ use super::table_lines::Unit;
 use super::text_file::{TextFile, hexadecimal, number, quoted};
 use trace::scene::SourceError;
 
-/// Reads a file. Reads (label 0) and instruction fetches (2) are references, and writes (1) too, but those are counted.
+/// Reads a trace. Reads (label 0) and instruction fetches (2) are references, and writes (1) too, but those are counted.
 /// A reference has no size: it is to the line that its address lies in.
-///
-/// # Errors
-/// The place of what is wrong, and what was expected.
-pub fn import(path: &Path) -> Result<Imported, SourceError> {
-    read(path, super::open(path)?)
-}
-
-/// As [`import`]; errors name `file`.
 ///
 /// # Errors
 /// The place of what is wrong, and what was expected.

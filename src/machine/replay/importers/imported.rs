@@ -8,7 +8,7 @@ use std::os::unix::fs::FileExt;
 
 use super::TableLines;
 use super::table_lines::{Extent, Unit};
-use crate::hardware::references::{PART_WORDS, Word};
+use crate::hardware::references::{PART_WORDS, ReferenceWord};
 use crate::replay::{Trace, TraceError, TracedTile};
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 
@@ -39,8 +39,8 @@ impl Imported {
     }
 
     /// Of all different granules of 256 bytes that are referenced. An object counts as one of these.
-    pub fn image_bytes(&self) -> u64 {
-        self.table.image_bytes()
+    pub fn database_bytes(&self) -> u64 {
+        self.table.database_bytes()
     }
 
     pub fn references(&self) -> u64 {
@@ -120,14 +120,14 @@ impl Builder {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(new) => {
                 let number = self.records.len() as u32;
-                if !Word::read(number).is_read() {
+                if !ReferenceWord::read(number).is_read() {
                     return Err(format!("more than {number} different addresses and sizes, expected fewer"));
                 }
                 self.records.push(extent);
                 *new.insert(number)
             }
         };
-        self.part.push(Word::read(record).0);
+        self.part.push(ReferenceWord::read(record).0);
         self.references += 1;
         if self.part.len() == PART_WORDS { self.keep_part() } else { Ok(()) }
     }

@@ -19,10 +19,16 @@ use std::path::Path;
 
 use trace::scene::SourceError;
 
-/// Opens a file that a person chose.
-fn open(path: &Path) -> Result<BufReader<File>, SourceError> {
+/// Reads a trace's format; errors name the file.
+pub type Read = fn(&Path, BufReader<File>) -> Result<Imported, SourceError>;
+
+/// Reads a file that a person chose.
+///
+/// # Errors
+/// The place of what is wrong, and what was expected.
+pub fn import(path: &Path, read: Read) -> Result<Imported, SourceError> {
     let file = File::open(path).map_err(|error| SourceError::new(path, None, error.to_string()))?;
-    Ok(BufReader::with_capacity(1 << 18, file))
+    read(path, BufReader::with_capacity(1 << 18, file))
 }
 
 #[cfg(test)]

@@ -11,16 +11,8 @@ use trace::scene::SourceError;
 /// What a file compressed by zstd begins with. As a time it is in the year 2104.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
-/// Reads a file. Each object is one line, however long lines are, in the set of its number; times, sizes and next
+/// Reads a trace. Each object is one line, however long lines are, in the set of its number; times, sizes and next
 /// accesses are not used. References to objects of size 0 are left out, as libCacheSim leaves them out, and counted.
-///
-/// # Errors
-/// The byte where something is wrong, and what was expected.
-pub fn import(path: &Path) -> Result<Imported, SourceError> {
-    read(path, super::open(path)?)
-}
-
-/// As [`import`]; errors name `file`.
 ///
 /// # Errors
 /// The byte where something is wrong, and what was expected.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::replay::Lines;
-use trace::database::layout::{GRANULE_BYTES, IMAGE_BYTES_MAX};
+use trace::database::layout::{DATABASE_BYTES_MAX, GRANULE_BYTES};
 
 /// A reference's bytes are at most so many.
 pub(super) const EXTENT_BYTES_MAX: u32 = 1 << 20;
@@ -90,7 +90,7 @@ impl TableLines {
         Self { line_shift: line_bytes.trailing_zeros(), ..self.clone() }
     }
 
-    pub(super) fn image_bytes(&self) -> u64 {
+    pub(super) fn database_bytes(&self) -> u64 {
         self.granules.len() as u64 * GRANULE_BYTES
     }
 
@@ -108,7 +108,7 @@ impl Lines for TableLines {
     }
 
     fn count(&self) -> u32 {
-        (self.image_bytes() >> self.line_shift) as u32
+        (self.database_bytes() >> self.line_shift) as u32
     }
 
     #[inline(always)]
@@ -127,7 +127,7 @@ impl Lines for TableLines {
 fn granules(mut ranges: Vec<(u64, u64)>) -> Result<Vec<u64>, String> {
     ranges.sort_unstable();
     ranges.dedup();
-    let limit = IMAGE_BYTES_MAX / GRANULE_BYTES - 1;
+    let limit = DATABASE_BYTES_MAX / GRANULE_BYTES - 1;
     let mut granules = Vec::new();
     for (first, last) in ranges {
         // Ranges are in ascending order: what is there already is their beginning.

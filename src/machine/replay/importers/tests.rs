@@ -3,12 +3,12 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use super::{Imported, TableLines, csv, din, oracle_general};
+use super::{Imported, TableLines, csv, din, import, oracle_general};
 use crate::hardware::local_memory::Geometry;
 use crate::hardware::references::PART_WORDS;
 use crate::hardware::replacement::{Clock, Lru};
 use crate::replay::exporters::{self, accesses::Surroundings};
-use crate::replay::model::count::{Counters, Replayer, Sum};
+use crate::replay::model::replayer::{Counters, Replayer, Sum};
 use crate::replay::stream::captured::tests::teapot;
 use crate::replay::{Lines, RecordLines, Trace};
 use trace::picture::{Sides, Tiling};
@@ -20,7 +20,7 @@ fn totals<R: crate::hardware::replacement::Replacement>(
     sets: u32,
     ways: u32,
 ) -> Counters {
-    let geometry = Geometry { line_bytes: 64, image_lines: lines.count(), sets, ways };
+    let geometry = Geometry { line_bytes: 64, database_lines: lines.count(), sets, ways };
     let mut replayer = Replayer::<R, _>::new(lines, geometry, 0);
     let mut sum = Sum::new(trace);
     for tile in 0..trace.tiles().len() as u32 {
@@ -92,7 +92,7 @@ fn only_what_is_referenced_has_a_place() {
     // 10 bytes are three words, 4 are one.
     assert_eq!(imported.record_words(), [1, 3]);
     assert_eq!([0, 1, 2, 3].map(|record| imported.kind(record)), [1, 0, 0, 0]);
-    assert_eq!(imported.image_bytes(), 4 * 256);
+    assert_eq!(imported.database_bytes(), 4 * 256);
     let lines = imported.lines(64);
     assert_eq!(lines.count(), 16);
     // The lines of each granule follow those of the one before.
@@ -206,6 +206,6 @@ fn bad_input_is_named_by_its_place() {
         let error = read(Path::new("f"), bytes).expect_err(expected);
         assert_eq!(error.to_string(), *expected);
     }
-    let missing = din::import(Path::new("no such file.din")).expect_err("there is none");
+    let missing = import(Path::new("no such file.din"), din::read).expect_err("there is none");
     assert!(missing.to_string().starts_with("no such file.din: "), "{missing}");
 }

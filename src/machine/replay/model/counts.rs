@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::replay::model::count::Counters;
+use crate::replay::model::replayer::Counters;
 
 /// Of all nodes together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -1,8 +1,8 @@
 //! Misses of LRU memories of all sizes at once.
 
-use crate::replay::model::count::Counters;
+use crate::replay::model::replayer::Counters;
 use crate::replay::model::stack_distance::LruStack;
-use crate::replay::plan::schedule::Schedule;
+use crate::replay::plan::schedule::TileSchedule;
 use crate::replay::stream::reads;
 use crate::replay::{Lines, Trace, TraceError};
 
@@ -119,7 +119,7 @@ pub fn curve(trace: &(impl Trace + ?Sized), tiles: &[u32], lines: &impl Lines) -
 /// As [`curve`]'s.
 pub fn by_node(
     trace: &(impl Trace + ?Sized),
-    schedule: &Schedule,
+    schedule: &TileSchedule,
     lines: &impl Lines,
 ) -> Result<Vec<LruCurve>, TraceError> {
     let of_node = |processes: &Vec<Vec<u32>>| {
@@ -310,7 +310,7 @@ mod tests {
     fn a_process_begins_with_an_empty_memory_and_nodes_add_up() {
         let mut trace = captured(&[&[1, 2], &[1, 2], &[2, 1]], 2);
         trace.tiles[2].epoch = Epoch(1);
-        let schedule = Schedule::recorded(&trace, 2);
+        let schedule = TileSchedule::recorded(&trace, 2);
         let curves = by_node(&trace, &schedule, &Single(9)).expect("sound");
         assert_eq!(curves.len(), 2);
         assert_eq!([1, 2].map(|lines| curves[0].at(lines).line_misses), [6, 4]);

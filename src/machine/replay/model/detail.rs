@@ -3,7 +3,7 @@
 use crate::hardware::references::RecordNumbers;
 use crate::hardware::stats::{MemoryStats, octree_class, section_class};
 use crate::replay::Trace;
-use crate::replay::model::count::Tally;
+use crate::replay::model::replayer::Tally;
 use trace::database::records::MAX_DEPTH;
 use trace::database::{Layout, Section};
 use trace::tracer::RayKind;

@@ -3,15 +3,15 @@
 use serde::Serialize;
 
 use crate::hardware::local_memory::Geometry;
-use crate::hardware::references::Word;
+use crate::hardware::references::ReferenceWord;
 use crate::replay::contention::timing::{Timing, simulate_setting};
-use crate::replay::model::count::{Counters, Sum};
 use crate::replay::model::counts::{Counts, ratio};
 use crate::replay::model::curve::{LruCurve, curve};
 use crate::replay::model::miss_classes::{MissClasses, classify};
 use crate::replay::model::node::replay_node;
 use crate::replay::model::optimal::optimal;
-use crate::replay::plan::schedule::{Schedule, Schedules};
+use crate::replay::model::replayer::{Counters, Sum};
+use crate::replay::plan::schedule::{TileSchedule, TileSchedules};
 use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::replay::stream::subject::Subject;
 use crate::replay::{TraceError, parallel};
@@ -90,12 +90,12 @@ pub fn evaluate<S: Subject>(
 ) -> Result<Vec<Row>, TraceError> {
     let mut geometries = Vec::new();
     for setting in settings {
-        let geometry = Geometry::of_image(&setting.memory(), subject.image_bytes());
+        let geometry = Geometry::of_database(&setting.memory(), subject.database_bytes());
         geometries.push(geometry.map_err(|error| TraceError(format!("local memory: {error}")))?);
     }
     let words_read = words_read(subject)?;
     let is_whole = subject.ordered(TileOrder::Scanline).iter().all(Option::is_some);
-    let schedules = Schedules::new(subject, settings);
+    let schedules = TileSchedules::new(subject, settings);
     let mut jobs = Vec::new();
     for (i, setting) in settings.iter().enumerate() {
         if is_timed(setting, evaluation) {
@@ -139,7 +139,7 @@ pub fn evaluate<S: Subject>(
 /// Divides the misses of rows whose assignment is known beforehand, with one curve for all of the same references.
 fn divide_misses<S: Subject>(
     subject: &S,
-    schedules: &Schedules,
+    schedules: &TileSchedules,
     geometries: &[Geometry],
     rows: &mut [Row],
 ) -> Result<(), TraceError> {
@@ -164,7 +164,7 @@ fn divide_misses<S: Subject>(
 }
 
 /// The curve of all nodes together, each with a memory of the same size.
-fn cluster_curve<S: Subject>(subject: &S, schedule: &Schedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
+fn cluster_curve<S: Subject>(subject: &S, schedule: &TileSchedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
     let lines = subject.lines(line_bytes);
     let mut sum = LruCurve::default();
     for tiles in schedule.nodes.iter().flatten() {
@@ -242,7 +242,10 @@ fn words_read<S: Subject>(subject: &S) -> Result<u64, TraceError> {
         let mut reads = vec![0u64; record_words.len()];
         for part in tile.parts.clone() {
             subject.read(part, &mut words)?;
-            words.iter().filter(|&&word| Word(word).is_read()).for_each(|&record| reads[subject.kind(record)] += 1);
+            words
+                .iter()
+                .filter(|&&word| ReferenceWord(word).is_read())
+                .for_each(|&record| reads[subject.kind(record)] += 1);
         }
         Ok(reads.iter().zip(&record_words).map(|(reads, &words)| reads * u64::from(words)).sum::<u64>())
     });

@@ -5,7 +5,7 @@ use crate::hardware::stats::MemoryStats;
 use crate::recording::references::Recording;
 use crate::replay::model::detail::{Classes, Detail};
 use crate::replay::model::node::replay_node;
-use crate::replay::plan::schedule::Schedule;
+use crate::replay::plan::schedule::TileSchedule;
 use crate::replay::{TraceError, parallel};
 
 /// What each node counted in its accepted tiles; no time is in it.
@@ -15,7 +15,7 @@ use crate::replay::{TraceError, parallel};
 pub fn counts(recording: &Recording) -> Result<Vec<MemoryStats>, TraceError> {
     let memory = &recording.conditions.cluster.local_memory;
     let geometry = Geometry::new(memory, &recording.layout).map_err(|error| TraceError(error.to_string()))?;
-    let schedule = Schedule::recorded(recording, recording.conditions.cluster.all_nodes());
+    let schedule = TileSchedule::recorded(recording, recording.conditions.cluster.all_nodes());
     let count = |processes: &Vec<Vec<u32>>| {
         let mut detail = Detail::new(recording, Classes::new(&recording.layout, &recording.octree_levels));
         replay_node(recording, processes, memory.replacement.into(), geometry, &mut detail)?;

@@ -1,7 +1,7 @@
 //! Why a memory misses: Hill's three Cs (*Aspects of Cache Memory and Instruction Buffer Performance*, 1987).
 
-use crate::replay::model::count::Counters;
 use crate::replay::model::curve::LruCurve;
+use crate::replay::model::replayer::Counters;
 
 /// The misses of a memory, divided; their sum is the memory's own.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -48,13 +48,13 @@ mod tests {
     use crate::hardware::local_memory::Geometry;
     use crate::hardware::replacement::{Fifo, Lru, Replacement};
     use crate::replay::Lines;
-    use crate::replay::model::count::{Replayer, Sum};
     use crate::replay::model::curve::curve;
+    use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
     fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u32, ways: u32) -> (Counters, Classified) {
         let trace = captured(&[records], 7);
-        let geometry = Geometry { line_bytes: 16, image_lines: lines.count(), sets, ways };
+        let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets, ways };
         let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(&trace));
         memory.tile(&trace, 0, &mut sum).expect("sound");
         let actual = sum.finish();

@@ -1,6 +1,5 @@
 //! What local memories would have counted: each simulated, all sizes at once, and the best that can be.
 
-pub mod count;
 pub mod counts;
 pub mod curve;
 pub mod detail;
@@ -10,5 +9,6 @@ pub mod miss_classes;
 pub mod next_use;
 pub mod node;
 pub mod optimal;
+pub mod recount;
+pub mod replayer;
 pub mod stack_distance;
-pub mod verify;

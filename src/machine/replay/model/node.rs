@@ -3,7 +3,7 @@
 use crate::hardware::local_memory::Geometry;
 use crate::hardware::replacement::{Replacement, with_policy};
 use crate::replay::TraceError;
-use crate::replay::model::count::{Replayer, Tally};
+use crate::replay::model::replayer::{Replayer, Tally};
 use crate::replay::plan::setting::Policy;
 use crate::replay::stream::subject::Subject;
 

@@ -5,8 +5,8 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::hardware::local_memory::Geometry;
-use crate::replay::model::count::Counters;
 use crate::replay::model::next_use::{NextUses, Uses};
+use crate::replay::model::replayer::Counters;
 use crate::replay::{Lines, Trace, TraceError};
 
 /// What memories count that know the future: the line that gives way is the one of its set that is used last, or never
@@ -56,7 +56,7 @@ struct Set {
 
 impl Memory {
     fn new(geometry: Geometry, lines: &impl Lines) -> Self {
-        assert_eq!(geometry.image_lines, lines.count(), "a memory's geometry is resolved for its lines");
+        assert_eq!(geometry.database_lines, lines.count(), "a memory's geometry is resolved for its lines");
         Self {
             sets: vec![Set::default(); geometry.sets as usize],
             ways: geometry.ways as usize,
@@ -104,11 +104,11 @@ mod tests {
 
     use super::*;
     use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
-    use crate::replay::model::count::{Replayer, Sum};
+    use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
     fn geometry(lines: &impl Lines, sets: u32, ways: u32) -> Geometry {
-        Geometry { line_bytes: 16, image_lines: lines.count(), sets, ways }
+        Geometry { line_bytes: 16, database_lines: lines.count(), sets, ways }
     }
 
     fn line_misses(string: &[u32], ways: std::ops::RangeInclusive<u32>) -> Vec<u64> {

@@ -1,8 +1,8 @@
 //! Where misses come from.
 
 use crate::replay::Trace;
-use crate::replay::model::count::{Counters, Tally};
 use crate::replay::model::detail::Classes;
+use crate::replay::model::replayer::{Counters, Tally};
 use crate::replay::origin::pixels::Pixels;
 use trace::database::records::LEVELS;
 use trace::database::{Layout, Section};
@@ -120,8 +120,8 @@ mod tests {
     use crate::hardware::local_memory::Geometry;
     use crate::hardware::replacement::Lru;
     use crate::recording::references::octree_levels;
-    use crate::replay::model::count::{Replayer, Sum};
     use crate::replay::model::detail::Detail;
+    use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::captured::tests::teapot;
     use crate::replay::{Captured, Lines, RecordLines};
     use trace::picture::Sides;
@@ -131,7 +131,7 @@ mod tests {
 
     fn replay(trace: &Captured, layout: &Layout, tally: &mut impl Tally) {
         let lines = RecordLines::new(layout, 32);
-        let geometry = Geometry { line_bytes: 32, image_lines: lines.count(), sets: 1, ways: 150 };
+        let geometry = Geometry { line_bytes: 32, database_lines: lines.count(), sets: 1, ways: 150 };
         let mut replayer = Replayer::<Lru, _>::new(&lines, geometry, 0);
         (0..trace.tiles.len() as u32).for_each(|tile| replayer.tile(trace, tile, tally).expect("kept"));
     }

@@ -8,11 +8,11 @@ use ground::ids::NodeId;
 /// By node, its processes one after the other, each with an empty memory at its beginning: the tiles that it traces,
 /// as indices into those of the trace.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Schedule {
+pub struct TileSchedule {
     pub nodes: Vec<Vec<Vec<u32>>>,
 }
 
-impl Schedule {
+impl TileSchedule {
     /// Who traced what in the recorded run. `nodes` of them, though not each may have traced a tile.
     pub fn recorded(trace: &(impl Trace + ?Sized), nodes: u16) -> Self {
         let mut schedule = vec![Vec::<Vec<u32>>::new(); usize::from(nodes)];
@@ -46,23 +46,23 @@ impl Schedule {
 }
 
 /// Who traces what under a setting; of on-demand assignment what interleaved ones would.
-pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> Schedule {
+pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> TileSchedule {
     match setting.assignment {
-        Assignment::Recorded => Schedule::recorded(subject, setting.nodes),
+        Assignment::Recorded => TileSchedule::recorded(subject, setting.nodes),
         Assignment::Interleaved | Assignment::OnDemand => {
-            Schedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
+            TileSchedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
         }
     }
 }
 
 /// The schedules of settings; those that are the same are there once.
-pub struct Schedules {
-    pub distinct: Vec<Schedule>,
+pub struct TileSchedules {
+    pub distinct: Vec<TileSchedule>,
     /// By setting.
     index: Vec<usize>,
 }
 
-impl Schedules {
+impl TileSchedules {
     pub fn new<S: Subject>(subject: &S, settings: &[Setting]) -> Self {
         let (mut keys, mut distinct, mut index) = (Vec::new(), Vec::new(), Vec::new());
         for setting in settings {
@@ -83,7 +83,7 @@ impl Schedules {
     }
 
     /// Of the i-th setting.
-    pub fn of(&self, setting: usize) -> &Schedule {
+    pub fn of(&self, setting: usize) -> &TileSchedule {
         &self.distinct[self.index[setting]]
     }
 }
@@ -102,6 +102,6 @@ mod tests {
             trace.tiles[tile as usize].epoch = Epoch(epoch);
         }
         let expected = [vec![vec![0, 2, 4]], vec![vec![1], vec![3, 5]], vec![]];
-        assert_eq!(Schedule::recorded(&trace, 3).nodes, expected);
+        assert_eq!(TileSchedule::recorded(&trace, 3).nodes, expected);
     }
 }

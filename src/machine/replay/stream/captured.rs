@@ -65,7 +65,7 @@ impl Trace for Captured {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::hardware::references::{Event, Word};
+    use crate::hardware::references::{Event, ReferenceWord};
     use trace::picture::ImageSettings;
     use trace::picture::Sides;
     use trace::preparation;
@@ -95,7 +95,7 @@ pub(crate) mod tests {
             for part in tile.parts.clone() {
                 captured.read(part, &mut words).expect("kept");
                 for &word in &words {
-                    match Word(word).decode().expect("of this version") {
+                    match ReferenceWord(word).decode().expect("of this version") {
                         Event::Ray(kind) => pixels += u32::from(kind == RayKind::Primary),
                         Event::Read(record) => {
                             reads += 1;

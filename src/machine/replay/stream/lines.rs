@@ -1,6 +1,6 @@
 //! Which lines of a memory a record lies in.
 
-use crate::hardware::references::{RecordNumbers, Word};
+use crate::hardware::references::{RecordNumbers, ReferenceWord};
 use trace::database::{Layout, Section};
 use trace::tracer::simd::{Registers, Simd, Task};
 
@@ -13,7 +13,7 @@ pub trait Lines: Sync {
     #[inline(always)]
     fn spans(&self, words: &[u32], spans: &mut Spans) {
         for ((&word, first), count) in words.iter().zip(&mut spans.first).zip(&mut spans.count) {
-            (*first, *count) = if Word(word).is_read() { self.of(word) } else { (0, 0) };
+            (*first, *count) = if ReferenceWord(word).is_read() { self.of(word) } else { (0, 0) };
         }
     }
 
@@ -73,7 +73,7 @@ impl RecordLines {
             base.wrapping_sub(numbers.number(section, 0).wrapping_mul(words[section as usize]))
         });
         let line_shift = (line_bytes / 4).trailing_zeros();
-        let count = (layout.image_bytes() / u64::from(line_bytes)) as u32;
+        let count = (layout.database_bytes() / u64::from(line_bytes)) as u32;
         Self { numbers, words, offset, line_shift, count, simd: Simd::best() }
     }
 }
@@ -128,7 +128,7 @@ impl Task for Find<'_> {
             let start = word.wrapping_mul(length).wrapping_add(add);
             *first = start >> line_shift;
             let last = start.wrapping_add(length - 1) >> line_shift;
-            *count = if Word(word).is_read() { last.wrapping_sub(*first).wrapping_add(1) } else { 0 };
+            *count = if ReferenceWord(word).is_read() { last.wrapping_sub(*first).wrapping_add(1) } else { 0 };
         }
     }
 }
@@ -155,12 +155,13 @@ mod tests {
                     assert!(last < lines.count());
                 }
             }
-            let words: Vec<u32> = (0..numbers.count()).chain([Word::ray(RayKind::Shadow).0]).collect();
+            let words: Vec<u32> = (0..numbers.count()).chain([ReferenceWord::ray(RayKind::Shadow).0]).collect();
             for words in words.chunks(SPANS_MAX) {
                 let mut spans = Spans::default();
                 lines.spans(words, &mut spans);
-                let expected =
-                    |&word: &u32| if Word(word).is_read() { lines.of(word) } else { (spans.first[words.len() - 1], 0) };
+                let expected = |&word: &u32| {
+                    if ReferenceWord(word).is_read() { lines.of(word) } else { (spans.first[words.len() - 1], 0) }
+                };
                 assert!(words.iter().map(expected).eq(spans.iter().take(words.len())), "lines of {line_bytes}");
             }
         }

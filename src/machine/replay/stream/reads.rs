@@ -1,6 +1,6 @@
 //! The reads of a stream as what memories see: lines.
 
-use crate::hardware::references::Word;
+use crate::hardware::references::ReferenceWord;
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
 use crate::replay::{Lines, TraceError};
 
@@ -20,7 +20,7 @@ pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32
                     return Err(TraceError(format!("there is no record {word}")));
                 }
                 each(first, count);
-            } else if Word(word).decode().is_none() {
+            } else if ReferenceWord(word).decode().is_none() {
                 return Err(TraceError(format!("{word:#010x} is no word that this version knows")));
             }
         }
@@ -86,7 +86,7 @@ pub(in crate::replay) mod tests {
         // Record 5 would lie in lines 2 to 4, record 7 in 3 and 4, record 6 in 3 alone.
         assert!(read(5).is_err() && read(7).is_err() && read(6).is_ok());
         assert!(read(1_000_000).is_err());
-        assert_eq!(read(Word::ray(RayKind::Shadow).0), Ok(()));
+        assert_eq!(read(ReferenceWord::ray(RayKind::Shadow).0), Ok(()));
         for unknown in [1 << 30, 2 << 30 | 7, 3 << 30 | 4, 3 << 30 | 1 << 24] {
             assert!(read(unknown).is_err(), "{unknown:#x}");
         }

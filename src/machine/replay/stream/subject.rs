@@ -1,7 +1,7 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
 use crate::hardware::references::RecordNumbers;
-use crate::hardware::specification::{Bus, Processor};
+use crate::hardware::specification::{Bus, Cluster, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
 use crate::replay::importers::{Imported, TableLines};
@@ -20,7 +20,7 @@ pub trait Subject: Trace {
     fn lines(&self, line_bytes: u32) -> Self::Lines;
 
     /// Of which shares are taken; a multiple of 256.
-    fn image_bytes(&self) -> u64;
+    fn database_bytes(&self) -> u64;
 
     /// The kind of record that this is, below the length of the following two.
     fn kind(&self, record: u32) -> usize;
@@ -44,41 +44,29 @@ pub trait Subject: Trace {
     fn bus(&self) -> Bus;
 }
 
-/// A trace of the records of a database, and the machine that it is of.
+/// A trace of the records of a database.
 pub trait DatabaseTrace: Trace {
-    fn layout(&self) -> &Layout;
-    fn numbers(&self) -> &RecordNumbers;
-    fn tiling(&self) -> Tiling;
+    fn source(&self) -> TraceSource<'_>;
+}
+
+/// The database and the machine that a trace is of.
+#[derive(Clone, Copy, Debug)]
+pub struct TraceSource<'a> {
+    pub layout: &'a Layout,
+    pub numbers: &'a RecordNumbers,
+    pub tiling: Tiling,
     /// Of random replacement and random order.
-    fn run_seed(&self) -> u64;
-    fn processor(&self) -> Processor;
-    fn cluster_bus(&self) -> Bus;
+    pub seed: u64,
+    pub processor: Processor,
+    pub bus: Bus,
 }
 
 impl DatabaseTrace for Recording {
-    fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
     #[inline(always)]
-    fn numbers(&self) -> &RecordNumbers {
-        &self.numbers
-    }
-
-    fn tiling(&self) -> Tiling {
-        self.tiling
-    }
-
-    fn run_seed(&self) -> u64 {
-        self.conditions.seed
-    }
-
-    fn processor(&self) -> Processor {
-        self.conditions.cluster.processor
-    }
-
-    fn cluster_bus(&self) -> Bus {
-        self.conditions.cluster.bus
+    fn source(&self) -> TraceSource<'_> {
+        let Self { layout, numbers, tiling, conditions, .. } = self;
+        let Cluster { processor, bus, .. } = conditions.cluster;
+        TraceSource { layout, numbers, tiling: *tiling, seed: conditions.seed, processor, bus }
     }
 }
 
@@ -87,16 +75,16 @@ impl<T: DatabaseTrace> Subject for T {
     type Lines = RecordLines;
 
     fn lines(&self, line_bytes: u32) -> RecordLines {
-        RecordLines::new(self.layout(), line_bytes)
+        RecordLines::new(self.source().layout, line_bytes)
     }
 
-    fn image_bytes(&self) -> u64 {
-        self.layout().image_bytes()
+    fn database_bytes(&self) -> u64 {
+        self.source().layout.database_bytes()
     }
 
     #[inline(always)]
     fn kind(&self, record: u32) -> usize {
-        self.numbers().place(record).0 as usize
+        self.source().numbers.place(record).0 as usize
     }
 
     fn record_words(&self) -> Vec<u32> {
@@ -104,30 +92,30 @@ impl<T: DatabaseTrace> Subject for T {
     }
 
     fn read_cycles(&self) -> Vec<u32> {
-        let cycles = ReadCycles::new(&self.processor());
+        let cycles = ReadCycles::new(&self.source().processor);
         Section::ALL.map(|section| cycles.of(section)).to_vec()
     }
 
     fn pixels(&self, tile: u32) -> u32 {
-        let rect = self.tiling().rect(self.tiles()[tile as usize].tile);
+        let rect = self.source().tiling.rect(self.tiles()[tile as usize].tile);
         rect.map_or(0, |rect| rect.width * rect.height)
     }
 
     fn ordered(&self, order: TileOrder) -> Vec<Option<u32>> {
-        let mut places = vec![None; self.tiling().tile_count() as usize];
+        let mut places = vec![None; self.source().tiling.tile_count() as usize];
         for (i, tile) in (0..).zip(self.tiles()).filter(|(_, tile)| tile.accepted) {
             places[tile.tile.0 as usize] = Some(i);
         }
-        let order = tile_order::tiles(order, self.tiling(), self.run_seed());
+        let order = tile_order::tiles(order, self.source().tiling, self.source().seed);
         order.into_iter().map(|TileId(tile)| places[tile as usize]).collect()
     }
 
     fn seed(&self) -> u64 {
-        self.run_seed()
+        self.source().seed
     }
 
     fn bus(&self) -> Bus {
-        self.cluster_bus()
+        self.source().bus
     }
 }
 
@@ -139,8 +127,8 @@ impl Subject for Imported {
         self.lines(line_bytes)
     }
 
-    fn image_bytes(&self) -> u64 {
-        self.image_bytes()
+    fn database_bytes(&self) -> u64 {
+        self.database_bytes()
     }
 
     #[inline(always)]

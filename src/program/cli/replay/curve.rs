@@ -8,7 +8,7 @@ use crate::cli::{Failure, print};
 use ground::outlet;
 use machine::replay::model::counts::ratio;
 use machine::replay::model::curve::{LruCurve, curve};
-use machine::replay::model::verify::verify;
+use machine::replay::model::recount::recount;
 use machine::replay::plan::schedule::schedule;
 use machine::replay::plan::setting::{Assignment, Setting};
 use machine::replay::stream::subject::Subject;
@@ -135,7 +135,7 @@ fn check<S: Subject>(
         .into_iter()
         .filter(|&size| size >= 1 && size <= lines.count())
         .collect();
-    let compared = verify(subject, tiles, lines, curve, &sizes, LIST_RECORDS)?;
+    let compared = recount(subject, tiles, lines, curve, &sizes, LIST_RECORDS)?;
     if let Some(wrong) = compared.iter().find(|one| !one.agrees()) {
         return Err(machine::replay::TraceError(format!("the curve is not what brute force counts: {wrong:?}")));
     }

@@ -121,9 +121,9 @@ fn replay_imported(arguments: &ReplayArguments, imported: &Imported) -> Result<(
 fn import(path: &Path) -> Result<Imported, Failure> {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     let imported = match extension.as_deref() {
-        Some("din") => importers::din::import(path),
-        Some("csv") => importers::csv::import(path),
-        Some("oraclegeneral") => importers::oracle_general::import(path),
+        Some("din") => importers::import(path, importers::din::read),
+        Some("csv") => importers::import(path, importers::csv::read),
+        Some("oraclegeneral") => importers::import(path, importers::oracle_general::read),
         _ => {
             return Err(Failure::bad_input(format!(
                 "{}: expected the folder of a run, or a file ending in .din, .csv or .oracleGeneral",

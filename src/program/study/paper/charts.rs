@@ -1,13 +1,13 @@
 //! The study as charts.
 
 use super::{GEARS, LINES, Paper, PaperScene, TEAPOT};
-use crate::study::charts::{self, curve, most, shares};
-use crate::study::conditions::octree;
-use crate::study::counts::Ratio;
+use crate::study::figures::conditions::octree;
+use crate::study::figures::ratio::Ratio;
+use crate::study::figures::traffic::Traffic;
+use crate::study::page::charts::{self, curve, most, shares};
+use crate::study::page::plot::{Axis, Chart, Series, Style};
 use crate::study::page::{Figure, Page};
-use crate::study::plot::{Axis, Chart, Series, Style};
 use crate::study::published;
-use crate::study::traffic::Traffic;
 use trace::tracer::octree::Octree;
 
 /// Charts, then all tables.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{Paper, PaperError, PaperScene};
-use crate::study::levels::{self, Deepest, Effort, Level};
+use crate::study::figures::levels::{self, Deepest, Effort, Level};
 use crate::study::published;
 use machine::replay::parallel;
 use trace::tracer::octree::Octree;

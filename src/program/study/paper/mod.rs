@@ -19,10 +19,11 @@ pub use rows::csv;
 pub use table1::Table1;
 pub use text::text;
 
-use super::contention::{Contention, SMALLEST};
-use super::traced::{Run, Traced, TracedError};
-use super::traffic::{Traffic, TrafficError};
-use super::{conditions, published};
+use crate::study::figures::conditions;
+use crate::study::figures::contention::{Contention, SMALLEST};
+use crate::study::figures::traffic::{Traffic, TrafficError};
+use crate::study::published;
+use crate::study::runs::traced::{Run, Traced, TracedError};
 use machine::hardware::specification::{Bus, MemorySize, Processor};
 use machine::replay::parallel;
 use machine::tile_order::TileOrder;
@@ -212,7 +213,7 @@ impl PaperScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::sample;
+    use crate::study::runs::fixture;
 
     const OCTREE: Octree = leaves(8, 6);
 
@@ -224,7 +225,7 @@ mod tests {
             octrees: &[OCTREE],
             table: published::TABLE_GEARS,
         };
-        let mut paper = Paper::empty(sample::TILING);
+        let mut paper = Paper::empty(fixture::TILING);
         paper.figure1 = figure1::figures(&scene, &paper).expect("a scene");
         paper.octree(&scene, OCTREE, true, &|_| ()).expect("a scene");
         paper
@@ -264,7 +265,8 @@ mod tests {
     #[test]
     fn table_1_is_the_traffic_of_nine_nodes() {
         let paper = small();
-        let table = paper.table1.iter().find(|table| table.ratio == crate::study::counts::Ratio::WordsMovedPerWordRead);
+        let table =
+            paper.table1.iter().find(|table| table.ratio == crate::study::figures::ratio::Ratio::WordsMovedPerWordRead);
         let (table, traffic) = (table.expect("a definition"), &paper.traffic[1]);
         assert_eq!((traffic.nodes, traffic.conditions.line_bytes), (9, table.conditions.line_bytes));
         for (size, found) in published::TABLE_SIZES.into_iter().zip(table.found) {

@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use crate::study::conditions::Conditions;
-use crate::study::counts::Ratio;
+use crate::study::figures::conditions::Conditions;
+use crate::study::figures::ratio::Ratio;
+use crate::study::figures::traffic::Traffic;
 use crate::study::published;
-use crate::study::traffic::Traffic;
 use machine::replay::model::counts::ratio;
 
 /// At 1/32 of the database. If a share p of all accesses needs the bus, and each holds it for as long as an access to

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
+use crate::study::figures::traffic::TrafficError;
 use crate::study::published;
-use crate::study::traced::Traced;
-use crate::study::traffic::TrafficError;
+use crate::study::runs::traced::Traced;
 use machine::replay::Trace;
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
@@ -34,13 +34,13 @@ impl Replaced {
             clusters: 1,
             tile_order: TileOrder::Scanline,
             assignment: Assignment::Interleaved,
-            bus_width: traced.bus.width,
-            arbiter: traced.bus.arbiter,
+            bus_width: traced.run.bus.width,
+            arbiter: traced.run.bus.arbiter,
         };
         let settings: Vec<_> =
             POLICIES.iter().flat_map(|&policy| published::TABLE_SIZES.map(|size| setting(policy, size))).collect();
         let rows = evaluate(traced, &settings, &Evaluation::default(), |_| {})?;
-        Ok(Self { scene: traced.scene.clone(), octree: traced.octree, rows })
+        Ok(Self { scene: traced.run.scene.clone(), octree: traced.run.octree, rows })
     }
 
     /// Misses a record access at [`published::TABLE_SIZES`], by policy.

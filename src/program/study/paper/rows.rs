@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use super::Paper;
-use crate::study::conditions::Conditions;
-use crate::study::contention::Contention;
-use crate::study::counts::Ratio;
+use crate::study::figures::conditions::Conditions;
+use crate::study::figures::contention::Contention;
+use crate::study::figures::ratio::Ratio;
+use crate::study::figures::traffic::Traffic;
 use crate::study::published;
-use crate::study::traffic::Traffic;
 use machine::hardware::specification::MemorySize;
 use trace::tracer::octree::Octree;
 

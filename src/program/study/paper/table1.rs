@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use crate::study::conditions::Conditions;
-use crate::study::counts::Ratio;
+use crate::study::figures::conditions::Conditions;
+use crate::study::figures::ratio::Ratio;
+use crate::study::figures::traffic::Traffic;
 use crate::study::published;
-use crate::study::traffic::Traffic;
 
 /// One definition in one setting, by size of the local memory: [`published::TABLE_SIZES`].
 #[derive(Clone, Debug, PartialEq, Serialize)]

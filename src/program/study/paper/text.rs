@@ -3,12 +3,12 @@
 use std::fmt::Write;
 
 use super::{Figure1, GEARS, Paper, PaperScene, TEAPOT};
-use crate::study::conditions::octree;
-use crate::study::contention::{Contention, SMALLEST};
-use crate::study::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
+use crate::study::figures::conditions::octree;
+use crate::study::figures::contention::{Contention, SMALLEST};
+use crate::study::figures::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
+use crate::study::figures::traffic::{Size, Traffic};
+use crate::study::page::table::{Table, grouped, percent};
 use crate::study::published;
-use crate::study::table::{Table, grouped, percent};
-use crate::study::traffic::{Size, Traffic};
 use machine::hardware::specification::{Arbiter, MemorySize, Transactions};
 use trace::picture::Sides;
 

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::COORDINATE;
 use crate::picture::ImageSettings;
-use crate::scene::cursor::{Cursor, Field, Word};
+use crate::scene::cursor::{Cursor, Field, Token};
 use crate::scene::{Camera, SourceError};
 
 const ANGLE: Field = Field { name: "an angle in degrees", min: 0.0, max: 180.0 };
@@ -22,13 +22,13 @@ pub(super) struct View {
 
 impl View {
     /// Reads one part; `false` when the word names none.
-    pub(super) fn read(&mut self, name: Word, cursor: &mut Cursor) -> Result<bool, SourceError> {
+    pub(super) fn read(&mut self, name: Token, cursor: &mut Cursor) -> Result<bool, SourceError> {
         match name.bytes {
             b"from" => self.from = Some(cursor.triple(&COORDINATE)?),
             b"at" => self.at = Some(cursor.triple(&COORDINATE)?),
             b"up" => self.up = Some(cursor.triple(&COORDINATE)?),
             b"angle" => {
-                let word = cursor.word();
+                let word = cursor.token();
                 let angle = cursor.parse_number(word, &ANGLE)?;
                 if angle == 0.0 || angle == 180.0 {
                     return Err(
@@ -42,7 +42,7 @@ impl View {
             }
             b"resolution" => {
                 let mut side = |name| {
-                    let word = cursor.word();
+                    let word = cursor.token();
                     cursor.parse_count(word, name, 1, ImageSettings::SIDE_MAX)
                 };
                 let (width, height) = (side("a width in pixels")?, side("a height in pixels")?);

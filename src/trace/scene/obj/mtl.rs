@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use crate::scene::cursor::{Cursor, Field, Word};
+use crate::scene::cursor::{Cursor, Field, Token};
 use crate::scene::nff::COLOUR;
 use crate::scene::source::Source;
 use crate::scene::{Material, SourceError};
@@ -22,7 +22,7 @@ const TRANSPARENCY: Field = Field { name: "Tr", min: 0.0, max: 1.0 };
 pub(super) fn check(source: &Source, names: &mut HashSet<String>) -> Result<String, SourceError> {
     let mut checker = Checker { cursor: Cursor::new(source), is_within_material: false, text: String::new() };
     loop {
-        if let Some(keyword) = checker.cursor.word_on_line() {
+        if let Some(keyword) = checker.cursor.token_on_line() {
             checker.statement(keyword, names)?;
         }
         if !checker.cursor.next_line() {
@@ -38,7 +38,7 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn statement(&mut self, keyword: Word, names: &mut HashSet<String>) -> Result<(), SourceError> {
+    fn statement(&mut self, keyword: Token, names: &mut HashSet<String>) -> Result<(), SourceError> {
         let is_word = |b: &u8| b.is_ascii_alphanumeric() || b"_-".contains(b);
         let Some(name) = keyword.text().filter(|_| keyword.bytes.iter().all(is_word)) else {
             return Err(self.cursor.error(keyword, format_args!(", expected newmtl, Kd, Ks, Ns, Ni, d, Tr or illum")));
@@ -60,8 +60,8 @@ impl Checker<'_> {
         let mut numbers = vec![first];
         if name.starts_with('K') {
             // A colour of one component is grey.
-            let green = self.cursor.word_on_line();
-            let blue = green.map(|_| self.cursor.expected_word_on_line());
+            let green = self.cursor.token_on_line();
+            let blue = green.map(|_| self.cursor.expected_token_on_line());
             for word in [green, blue] {
                 let word = word.unwrap_or(first);
                 self.cursor.parse_number(word, field)?;
@@ -86,22 +86,22 @@ impl Checker<'_> {
         }
     }
 
-    fn illumination_model(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn illumination_model(&mut self, keyword: Token) -> Result<(), SourceError> {
         self.expect_material(keyword)?;
-        let word = self.cursor.expected_word_on_line();
+        let word = self.cursor.expected_token_on_line();
         self.cursor.parse_count(word, "an illumination model", 0, 10)?;
         self.put("illum", &[word]);
         self.cursor.expect_end_of_line()
     }
 
-    fn expect_material(&self, keyword: Word) -> Result<(), SourceError> {
+    fn expect_material(&self, keyword: Token) -> Result<(), SourceError> {
         if self.is_within_material {
             return Ok(());
         }
         Err(self.cursor.error(keyword, format_args!(" of no material, expected newmtl before it")))
     }
 
-    fn put(&mut self, keyword: &str, words: &[Word]) {
+    fn put(&mut self, keyword: &str, words: &[Token]) {
         self.text.push_str(keyword);
         for word in words {
             self.text.push(' ');

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::mtl;
 use crate::scene::SourceError;
-use crate::scene::cursor::{Cursor, Field, Word};
+use crate::scene::cursor::{Cursor, Field, Token};
 use crate::scene::nff::{COORDINATE, NORMAL};
 use crate::scene::source::Source;
 
@@ -82,7 +82,7 @@ pub(super) fn check(
         checked: Checked { text: String::new(), is_smooth: Vec::new(), libraries: HashMap::new() },
     };
     loop {
-        if let Some(keyword) = checker.cursor.word_on_line() {
+        if let Some(keyword) = checker.cursor.token_on_line() {
             checker.statement(keyword)?;
         }
         if !checker.cursor.next_line() {
@@ -110,7 +110,7 @@ struct Corner {
 }
 
 impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
-    fn statement(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn statement(&mut self, keyword: Token) -> Result<(), SourceError> {
         match keyword.bytes {
             b"v" => self.vertex(),
             b"vn" => self.normal(keyword),
@@ -127,14 +127,14 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
     fn vertex(&mut self) -> Result<(), SourceError> {
         self.copy_triple("v", &COORDINATE)?;
         // A weight, of use to free-form curves only, or the vertex's colour.
-        while let Some(word) = self.cursor.word_on_line() {
+        while let Some(word) = self.cursor.token_on_line() {
             self.cursor.parse_number(word, &WEIGHT)?;
         }
         self.vertices += 1;
         Ok(())
     }
 
-    fn normal(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn normal(&mut self, keyword: Token) -> Result<(), SourceError> {
         let normal = self.copy_triple("vn", &NORMAL)?;
         if glam::DVec3::from(normal).try_normalize().is_none() {
             return Err(self
@@ -147,7 +147,7 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
 
     fn texture_coordinate(&mut self) -> Result<(), SourceError> {
         self.cursor.number_on_line(&TEXTURE_COORDINATE)?;
-        while let Some(word) = self.cursor.word_on_line() {
+        while let Some(word) = self.cursor.token_on_line() {
             self.cursor.parse_number(word, &TEXTURE_COORDINATE)?;
         }
         self.texture_coordinates += 1;
@@ -168,11 +168,11 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
         Ok(numbers)
     }
 
-    fn face(&mut self, keyword: Word) -> Result<(), SourceError> {
+    fn face(&mut self, keyword: Token) -> Result<(), SourceError> {
         self.checked.text.push('f');
         let mut corners = 0;
         let mut is_smooth = false;
-        while let Some(word) = self.cursor.word_on_line() {
+        while let Some(word) = self.cursor.token_on_line() {
             let corner = self.corner(word)?;
             if corners > 0 && is_smooth != corner.normal.is_some() {
                 let (this, first) = if is_smooth { ("no normal", "one") } else { ("a normal", "none") };
@@ -196,7 +196,7 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    fn corner(&self, word: Word) -> Result<Corner, SourceError> {
+    fn corner(&self, word: Token) -> Result<Corner, SourceError> {
         let bad = || self.cursor.error(word, format_args!(", expected a corner like 1, 1/2, 1//3 or 1/2/3"));
         let mut parts = word.text().ok_or_else(bad)?.split('/');
         let mut index = |name: &str, defined: usize| match parts.next() {
@@ -245,7 +245,7 @@ impl<R: Fn(&str) -> Result<Source, SourceError>> Checker<'_, R> {
         Ok(())
     }
 
-    fn name<'w>(&self, word: Word<'w>, what: &str) -> Result<&'w str, SourceError> {
+    fn name<'w>(&self, word: Token<'w>, what: &str) -> Result<&'w str, SourceError> {
         // As `tobj` trims it.
         let name = word.text().map(str::trim).filter(|name| !name.is_empty());
         name.ok_or_else(|| self.cursor.error(word, format_args!(", expected {what}")))

@@ -20,17 +20,14 @@ use crate::tracer::ray::Ray;
 use crate::tracer::simd::{Registers, Simd, Task};
 use crate::tracer::slices::Slices;
 use crate::tracer::tile::first_hit;
+use crate::tracer::view::Illumination;
 use crate::tracer::{TraceStats, View};
 
 /// Traces tiles of one view from a whole database.
 pub struct BatchTracer<'a> {
     tracer: PacketTracer<'a>,
     camera: PrimaryRays,
-    /// Normalised position, linear RGB.
-    lights: Vec<(DVec3, Vec3)>,
-    background: Vec3,
-    depth: u32,
-    cutoff: f32,
+    illumination: Illumination,
     waves: Vec<Wave>,
     primitives: Vec<u32>,
     surfaces: Surfaces,
@@ -42,17 +39,14 @@ impl<'a> BatchTracer<'a> {
         Self {
             tracer: PacketTracer::new(bvh, database, simd),
             camera: PrimaryRays::new(header, view),
-            lights: view.normalised_lights(&header.normalisation),
-            background: view.background.as_vec3(),
-            depth: view.image.depth(),
-            cutoff: view.image.cutoff(),
+            illumination: Illumination::new(view, &header.normalisation),
             waves: Vec::new(),
             primitives: Vec::new(),
             surfaces: Surfaces::default(),
         }
     }
 
-    pub fn counts(&self) -> super::Counts {
+    pub fn counts(&self) -> super::Visits {
         self.tracer.counts()
     }
 
@@ -100,7 +94,7 @@ impl<'a> BatchTracer<'a> {
         waves[0].clear();
         primitives.clear();
         tracer.simd.run(Primaries { tracer, camera, rect, wave: &mut waves[0], primitives });
-        Pixels::of_background(rect.pixel_count(), self.background.to_array(), aov)
+        Pixels::of_background(rect.pixel_count(), self.illumination.background.to_array(), aov)
     }
 
     /// Finds what the rays of a wave hit.
@@ -118,18 +112,18 @@ impl<'a> BatchTracer<'a> {
         let surfaces = &mut self.surfaces;
         let (simd, slices) = (self.tracer.simd, self.tracer.slices);
         surfaces.take(&self.primitives, &slices);
-        simd.run(Place { surfaces, rays: &wave.rays, slices: &slices });
-        let lights = &self.lights;
+        simd.run(PlaceSurfaces { surfaces, rays: &wave.rays, slices: &slices });
+        let lights = &self.illumination.lights;
         stats.rays[RayKind::Shadow as usize] += simd.run(Light { surfaces, lights, tracer: &mut self.tracer });
         wave.radiance.clear();
-        wave.radiance.resize(wave.rays.len(), self.background);
+        wave.radiance.resize(wave.rays.len(), self.illumination.background);
         for (at, &ray) in surfaces.ray.iter().enumerate() {
             let [r, g, b] = &surfaces.radiance;
             wave.radiance[ray as usize] = Vec3::new(r[at], g[at], b[at]);
         }
         next.clear();
-        if number < self.depth as usize {
-            simd.run(Branching { surfaces, wave, slices: &slices, cutoff: self.cutoff, next, stats });
+        if number < self.illumination.depth as usize {
+            simd.run(Branching { surfaces, wave, slices: &slices, cutoff: self.illumination.cutoff, next, stats });
         }
     }
 
@@ -148,13 +142,13 @@ impl<'a> BatchTracer<'a> {
     }
 }
 
-struct Place<'t, 'a> {
+struct PlaceSurfaces<'t, 'a> {
     surfaces: &'t mut Surfaces,
     rays: &'t [Ray],
     slices: &'t Slices<'a>,
 }
 
-impl Task for Place<'_, '_> {
+impl Task for PlaceSurfaces<'_, '_> {
     type Output = ();
 
     #[inline(always)]

@@ -1,32 +1,26 @@
 //! What packets leave to be decided: one ray, one primitive, by the very functions of the single-ray kernel.
 
 use super::packet::Packet;
-use crate::database::primitives::Primitive;
+use crate::database::primitives::PrimitiveIndex;
 use crate::database::records::PrimitiveId;
 use crate::tracer::hit::{Hit, HitOn};
-use crate::tracer::primitives::{cone, sphere, triangle::Shear};
-use crate::tracer::ray::{Ray, Source};
+use crate::tracer::primitives::triangle::Shear;
+use crate::tracer::ray::Ray;
 use crate::tracer::slices::Slices;
 
 impl Slices<'_> {
     /// The hit of one primitive; whatever its distance.
     pub(super) fn hit(&self, ray: &Ray, id: u32) -> Option<Hit> {
         let primitive = PrimitiveId(id);
-        let leaving = ray.source == Source::Curved(id);
-        let (t, on) = match self.primitives.get(primitive)? {
-            // Asked first: a ray that starts on the triangle is what f64 cannot decide.
-            Primitive::Triangle(triangle) if ray.source == Source::Polygon(triangle.polygon()) => return None,
-            Primitive::Triangle(triangle) => {
-                let hit = Shear::new(ray).decide(triangle)?;
-                (hit.t, HitOn::Triangle { triangle: *triangle, barycentrics: hit.barycentrics() })
+        let (t, on) = match self.primitives.counts().locate(primitive)? {
+            PrimitiveIndex::Triangle(index) => {
+                let triangle = self.primitives.triangles[index as usize];
+                let hit = Shear::new(ray).hit(ray, &triangle)?;
+                (hit.t, HitOn::Triangle { triangle, barycentrics: hit.barycentrics() })
             }
-            Primitive::Sphere(sphere) => {
-                let t = sphere::intersect(ray, sphere, leaving)?;
-                (t, HitOn::Sphere { sphere: *sphere, t })
-            }
-            Primitive::Cone(cone) => {
-                let t = cone::intersect(ray, cone, leaving)?;
-                (t, HitOn::Cone { cone: *cone, t })
+            curved => {
+                let Ok(hit) = HitOn::curved(&mut { *self }, ray, primitive, curved);
+                hit?
             }
         };
         Some(Hit { t: t as f32, primitive, on })

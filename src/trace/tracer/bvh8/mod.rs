@@ -21,7 +21,7 @@ mod wave;
 
 pub use batch::BatchTracer;
 pub use tree::Bvh8;
-pub use walk::Counts;
+pub use walk::Visits;
 
 use packet::{LANES, Packet};
 use walk::Scratch;
@@ -59,7 +59,7 @@ impl<'a> PacketTracer<'a> {
         }
     }
 
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> Visits {
         self.scratch.counts
     }
 

@@ -7,13 +7,13 @@ use super::packet::{LANES, NONE};
 use crate::database::records::{Material, Surface};
 use crate::tracer::hit::SurfacePoint;
 use crate::tracer::optics::{facing, mirrored, smooth};
-use crate::tracer::primitives::triangle::TriangleHit;
+use crate::tracer::primitives::triangle::{TriangleHit, point_and_normal};
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::shade::shading_normal;
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::slices::Slices;
-use crate::tracer::vector::{V3, cross, load, normalise_or, select, store, sub, weighted};
+use crate::tracer::vector::{V3, load, select, store};
 
 /// Lanes of doubles.
 pub(super) const DOUBLES: usize = 8;
@@ -182,9 +182,7 @@ impl Chunk {
         let (origin, direction) = (widen::<L>(&self.origin), widen::<L>(&self.direction));
         let (weights, decided) = TriangleHit::weigh([x, y, z], origin, direction);
         let vertices = [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]];
-        let position = weighted(vertices, weights);
-        let across = cross(sub(vertices[1], vertices[0]), sub(vertices[2], vertices[0]));
-        let outward = normalise_or(across, [L::splat(0.0); 3]);
+        let (position, outward) = point_and_normal(vertices, weights);
         let mut normal = outward;
         if self.smooth != 0 {
             let [a, b, c] = &self.normals;

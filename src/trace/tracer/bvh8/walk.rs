@@ -43,12 +43,12 @@ pub(super) struct Scratch {
     stack: Box<[Waiting; STACK]>,
     stack_of_one: Box<[WaitingOne; STACK]>,
     rows: Rows,
-    pub counts: Counts,
+    pub counts: Visits,
 }
 
 /// What walks did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct Visits {
     pub packets: u64,
     /// Branches that a packet was held against, and a single ray.
     pub packet_branches: u64,
@@ -68,7 +68,7 @@ impl Scratch {
             stack: Box::new([nothing; STACK]),
             stack_of_one: Box::new([WaitingOne { enter: 0.0, child: Child::EMPTY }; STACK]),
             rows: Rows::ZERO,
-            counts: Counts::default(),
+            counts: Visits::default(),
         }
     }
 }

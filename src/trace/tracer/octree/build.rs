@@ -167,8 +167,8 @@ mod tests {
                 let bytes = 4 * (octree.words.len() + octree.leaf_lists.len()) as u64;
                 assert!(bytes <= BYTES_A_PRIMITIVE * count + BYTES_FREE, "scene {i}");
                 let image = complete(records, parameters).expect("an image");
-                let image_bytes = image.database().header.layout.image_bytes();
-                assert!(image_bytes <= 600 * count + BYTES_FREE + 48 * materials, "scene {i}");
+                let database_bytes = image.database().header.layout.database_bytes();
+                assert!(database_bytes <= 600 * count + BYTES_FREE + 48 * materials, "scene {i}");
             }
         }
     }

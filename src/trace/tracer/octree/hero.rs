@@ -16,8 +16,7 @@ use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::memory_port::MemoryPort;
 use crate::tracer::primitives::four_triangles::FourTriangles;
 use crate::tracer::primitives::triangle::TriangleHit;
-use crate::tracer::primitives::{cone, sphere};
-use crate::tracer::ray::{Ray, Source};
+use crate::tracer::ray::Ray;
 use crate::tracer::stats::TraceStats;
 
 /// The nearest hit so far, or the end of the ray.
@@ -217,11 +216,7 @@ impl Hero {
     #[inline(always)]
     fn test_triangle(&self, prepared: &Prepared<'_>, lane: usize, best: &mut Best) {
         let triangle = self.four.get(lane);
-        // Asked first: a ray that starts on the triangle is what f64 cannot decide.
-        if prepared.ray.source == Source::Polygon(triangle.polygon()) {
-            return;
-        }
-        if let Some(hit) = prepared.shear.decide(&triangle) {
+        if let Some(hit) = prepared.shear.hit(prepared.ray, &triangle) {
             best.offer(hit.t, self.ids[lane & 3], || On::Triangle(triangle, hit));
         }
     }
@@ -234,23 +229,11 @@ impl Hero {
         primitive: PrimitiveId,
         best: &mut Best,
     ) -> Result<(), M::Error> {
-        let leaving = ray.source == Source::Curved(primitive.0);
-        match self.counts.locate(primitive) {
-            Some(PrimitiveIndex::Sphere(index)) => {
-                let sphere = port.sphere(index)?;
-                if let Some(t) = sphere::intersect(ray, &sphere, leaving) {
-                    best.offer(t, primitive, || On::Curved(HitOn::Sphere { sphere, t }));
-                }
-            }
-            Some(PrimitiveIndex::Cone(index)) => {
-                let cone = port.cone(index)?;
-                if let Some(t) = cone::intersect(ray, &cone, leaving) {
-                    best.offer(t, primitive, || On::Curved(HitOn::Cone { cone, t }));
-                }
-            }
-            Some(PrimitiveIndex::Triangle(_)) | None => {
-                return Err(port.corrupt("a primitive in a leaf that does not exist"));
-            }
+        let Some(index) = self.counts.locate(primitive) else {
+            return Err(port.corrupt("a primitive in a leaf that does not exist"));
+        };
+        if let Some((t, on)) = HitOn::curved(port, ray, primitive, index)? {
+            best.offer(t, primitive, || On::Curved(on));
         }
         Ok(())
     }
@@ -268,6 +251,8 @@ mod tests {
     use crate::scene::{Cone, Material, Polygon, Scene, Sphere};
     use crate::tracer::octree::{BuildParameters, build_database};
     use crate::tracer::primitives::triangle::Shear;
+    use crate::tracer::primitives::{cone, sphere};
+    use crate::tracer::ray::Source;
     use crate::tracer::slices::Slices;
 
     fn unit(random: &mut Pcg32) -> f64 {

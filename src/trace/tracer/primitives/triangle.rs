@@ -11,9 +11,9 @@ use super::exact::{ExactSum, Vector, add_side, volume};
 use super::four_triangles::FourTriangles;
 use super::whole_numbers::{Volumes, volumes};
 use crate::database::records::Triangle;
-use crate::tracer::ray::Ray;
+use crate::tracer::ray::{Ray, Source};
 use crate::tracer::simd::lanes::{Doubles, Lanes};
-use crate::tracer::vector::V3;
+use crate::tracer::vector::{V3, cross, normalise_or, sub, weighted};
 
 /// The shear that takes the ray to the unit ray along its largest axis.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +92,14 @@ impl TriangleHit {
     }
 }
 
+/// The points of triangles at these weights of their vertices, and their unit normals: outward by the winding, zero
+/// where there is no area.
+#[inline(always)]
+pub fn point_and_normal<L: Doubles>(vertices: [V3<L>; 3], weights: [L; 3]) -> (V3<L>, V3<L>) {
+    let across = cross(sub(vertices[1], vertices[0]), sub(vertices[2], vertices[0]));
+    (weighted(vertices, weights), normalise_or(across, [L::splat(0.0); 3]))
+}
+
 /// The axes in the order of [`Shear`], where the second is the largest and where the third.
 #[inline(always)]
 fn turn<L: Lanes>([x, y, z]: V3<L>, second: u32, third: u32) -> V3<L> {
@@ -156,6 +164,13 @@ impl Shear {
         let (least, most) = (u.min(v.min(w)), u.max(v.max(w)));
         let surely_missed = (least + error).cmplt(Vec4::ZERO) & error.cmplt(most);
         !surely_missed.bitmask() & 0b1111
+    }
+
+    /// [`Self::decide`] for the ray that this is of: no triangle of the polygon that it starts on is hit.
+    #[inline(always)]
+    pub fn hit(&self, ray: &Ray, triangle: &Triangle) -> Option<TriangleHit> {
+        // Asked first: a ray that starts on the triangle is what f64 cannot decide.
+        if ray.source == Source::Polygon(triangle.polygon()) { None } else { self.decide(triangle) }
     }
 
     /// The hit with `t` at or after the ray's origin. A triangle without area is never hit; a ray through an

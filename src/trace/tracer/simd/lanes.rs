@@ -73,6 +73,15 @@ pub(super) const ONE: u64 = 1.0f64.to_bits();
 /// Whole numbers added to it stand in its lowest bits.
 pub(super) const WHOLE: f64 = (1u64 << MANTISSA) as f64;
 
+macro_rules! operators {
+    ($($name:ident $operator:tt),*) => {$(
+        #[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            self $operator other
+        }
+    )*};
+}
+
 macro_rules! scalar {
     ($number:ident) => {
         impl Lanes for $number {
@@ -91,22 +100,7 @@ macro_rules! scalar {
             fn store(self, to: &mut [$number]) {
                 to[0] = self;
             }
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                self + other
-            }
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                self - other
-            }
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                self * other
-            }
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                self / other
-            }
+            operators!(add +, sub -, mul *, div /);
             #[inline(always)]
             fn sqrt(self) -> Self {
                 $number::sqrt(self)
@@ -190,6 +184,26 @@ impl<L> Pair<L> {
     }
 }
 
+/// What is done with each half by itself.
+macro_rules! halves {
+    ($($name:ident($($other:ident)?)),*) => {$(
+        #[inline(always)]
+        fn $name(self $(, $other: Self)?) -> Self {
+            Self(self.0.$name($($other.0)?), self.1.$name($($other.1)?))
+        }
+    )*};
+}
+
+/// Comparisons of each half by itself.
+macro_rules! bits_of_halves {
+    ($($name:ident),*) => {$(
+        #[inline(always)]
+        fn $name(self, other: Self) -> u32 {
+            self.0.$name(other.0) | self.1.$name(other.1) << L::N
+        }
+    )*};
+}
+
 impl<L: Lanes> Lanes for Pair<L> {
     type Number = L::Number;
     const N: usize = 2 * L::N;
@@ -209,50 +223,8 @@ impl<L: Lanes> Lanes for Pair<L> {
         self.0.store(lower);
         self.1.store(upper);
     }
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self(self.0.add(other.0), self.1.add(other.1))
-    }
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(self.0.mul(other.0), self.1.mul(other.1))
-    }
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        Self(self.0.div(other.0), self.1.div(other.1))
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.sqrt(), self.1.sqrt())
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(self.0.min(other.0), self.1.min(other.1))
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(self.0.max(other.0), self.1.max(other.1))
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.abs(), self.1.abs())
-    }
-    #[inline(always)]
-    fn turned(self, sign: Self) -> Self {
-        Self(self.0.turned(sign.0), self.1.turned(sign.1))
-    }
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        self.0.lt(other.0) | self.1.lt(other.1) << L::N
-    }
-    #[inline(always)]
-    fn le(self, other: Self) -> u32 {
-        self.0.le(other.0) | self.1.le(other.1) << L::N
-    }
+    halves!(add(other), sub(other), mul(other), div(other), sqrt(), min(other), max(other), abs(), turned(sign));
+    bits_of_halves!(lt, le);
     #[inline(always)]
     fn select(self, bits: u32, other: Self) -> Self {
         Self(self.0.select(bits, other.0), self.1.select(bits >> L::N, other.1))
@@ -260,10 +232,7 @@ impl<L: Lanes> Lanes for Pair<L> {
 }
 
 impl<L: Singles> Singles for Pair<L> {
-    #[inline(always)]
-    fn differ(self, other: Self) -> u32 {
-        self.0.differ(other.0) | self.1.differ(other.1) << L::N
-    }
+    bits_of_halves!(differ);
 }
 
 impl<L: Doubles> Doubles for Pair<L> {
@@ -283,8 +252,5 @@ impl<L: Doubles> Doubles for Pair<L> {
         let (lower, upper) = (self.0.split(), self.1.split());
         (Self(lower.0, upper.0), Self(lower.1, upper.1))
     }
-    #[inline(always)]
-    fn scaled(self, exponent: Self) -> Self {
-        Self(self.0.scaled(exponent.0), self.1.scaled(exponent.1))
-    }
+    halves!(scaled(exponent));
 }

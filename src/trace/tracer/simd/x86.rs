@@ -7,6 +7,16 @@ use std::arch::x86_64::*;
 
 use super::lanes::{Doubles, Lanes, MANTISSA, ONE, Singles, WHOLE};
 
+macro_rules! instructions {
+    ($($name:ident($($other:ident)?) $instruction:ident),*) => {$(
+        #[inline(always)]
+        fn $name(self $(, $other: Self)?) -> Self {
+            // SAFETY: the processor has the instruction, see above.
+            Self(unsafe { $instruction(self.0 $(, $other.0)?) })
+        }
+    )*};
+}
+
 macro_rules! registers {
     ($name:ident($register:ident) of $number:ident x $n:literal:
      $set1:ident, $loadu:ident, $storeu:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident,
@@ -37,41 +47,8 @@ macro_rules! registers {
                 // SAFETY: as above; as many numbers are there.
                 unsafe { $storeu(to.as_mut_ptr(), self.0) }
             }
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                // SAFETY: the processor has the instruction, see above; and so below.
-                Self(unsafe { $add(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $sub(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $mul(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $div(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $sqrt(self.0) })
-            }
-            #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $min(self.0, other.0) })
-            }
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                // SAFETY: as above.
-                Self(unsafe { $max(self.0, other.0) })
-            }
+            instructions!(add(other) $add, sub(other) $sub, mul(other) $mul, div(other) $div, sqrt() $sqrt);
+            instructions!(min(other) $min, max(other) $max);
             #[inline(always)]
             fn abs(self) -> Self {
                 // SAFETY: as above.

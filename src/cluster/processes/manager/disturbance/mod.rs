@@ -12,11 +12,11 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::relay::Relay;
-use super::children::Children;
 use super::control_port::ControlPort;
 use super::event::Event;
+use super::launch::children::Children;
 use super::process::{Command, ProcessId};
-use crate::chaos::{Deed, Fault, LongestWait, Place, Planner, Progress};
+use crate::chaos::{Deed, Fault, LongestWait, Planner, ProcessSlot, Progress};
 use crate::protocol::control::{MasterCommand, NodeCommand};
 use crate::protocol::hello::Role;
 use crate::report::Chaos;
@@ -28,15 +28,15 @@ pub(super) struct Disturbance {
     carried_out: u64,
     wait: LongestWait,
     /// Who will be cut off at some time.
-    fragile: HashSet<Place>,
+    fragile: HashSet<ProcessSlot>,
     /// Who is cut off, until then.
-    cut: HashMap<Place, Instant>,
+    cut: HashMap<ProcessSlot, Instant>,
     /// Where relays listen.
     interface: IpAddr,
     /// By who dials and whom.
     relays: HashMap<(Role, Role), Link>,
     /// Who is connected.
-    processes: HashMap<Place, Reachable>,
+    processes: HashMap<ProcessSlot, Reachable>,
     /// Of relays that could not be started.
     troubles: Vec<String>,
 }
@@ -76,7 +76,7 @@ impl Disturbance {
         match event {
             Event::Connected(id) => {
                 let reachable = Reachable { id: *id, is_configured: false };
-                self.processes.extend(place(id.role).map(|place| (place, reachable)));
+                self.processes.extend(slot(id.role).map(|slot| (slot, reachable)));
             }
             Event::Exited(id, _) => self.processes.retain(|_, process| process.id != *id),
             _ => {}
@@ -85,8 +85,8 @@ impl Disturbance {
 
     /// The address at which `dialler` is to find `server`.
     pub(super) fn route(&mut self, dialler: Role, server: Role, address: SocketAddr) -> SocketAddr {
-        let ends = [place(dialler), place(server)];
-        if !ends.iter().flatten().any(|place| self.fragile.contains(place)) {
+        let ends = [slot(dialler), slot(server)];
+        if !ends.iter().flatten().any(|slot| self.fragile.contains(slot)) {
             return address;
         }
         if let Some(link) = self.relays.get(&(dialler, server)).filter(|link| link.upstream == address) {
@@ -94,7 +94,7 @@ impl Disturbance {
         }
         match Relay::start(self.interface, address) {
             Ok(relay) => {
-                let cuts = ends.iter().flatten().filter_map(|place| self.cut.get(place));
+                let cuts = ends.iter().flatten().filter_map(|slot| self.cut.get(slot));
                 cuts.for_each(|until| relay.cut(*until));
                 let through = relay.address();
                 self.relays.insert((dialler, server), Link { upstream: address, relay });
@@ -120,7 +120,7 @@ impl Disturbance {
                 route(Role::Master(configuration.cluster), &mut configuration.master);
                 route(Role::Bus(configuration.cluster), &mut configuration.bus);
                 route(Role::Display, &mut configuration.display);
-                let process = place(id.role).and_then(|place| self.processes.get_mut(&place));
+                let process = slot(id.role).and_then(|slot| self.processes.get_mut(&slot));
                 process.into_iter().for_each(|process| process.is_configured = true);
             }
             _ => {}
@@ -178,8 +178,7 @@ impl Disturbance {
                 Ok(format!("is stopped for {time}"))
             }
             Deed::Cut(time) => {
-                let ends =
-                    |(dialler, server): &(Role, Role)| [place(*dialler), place(*server)].contains(&Some(fault.on));
+                let ends = |(dialler, server): &(Role, Role)| [slot(*dialler), slot(*server)].contains(&Some(fault.on));
                 let links: Vec<_> = self.relays.iter().filter(|(key, _)| ends(key)).collect();
                 if links.is_empty() {
                     return Err("none of its connections can be cut".to_owned());
@@ -210,20 +209,20 @@ impl Disturbance {
 }
 
 /// `None` is the manager, where faults come from.
-fn place(role: Role) -> Option<Place> {
+fn slot(role: Role) -> Option<ProcessSlot> {
     match role {
         Role::Manager => None,
-        Role::Bus(cluster) => Some(Place::Bus(cluster)),
-        Role::Master(cluster) => Some(Place::Master(cluster)),
-        Role::Node(node) => Some(Place::Node(node)),
-        Role::Display => Some(Place::Display),
+        Role::Bus(cluster) => Some(ProcessSlot::Bus(cluster)),
+        Role::Master(cluster) => Some(ProcessSlot::Master(cluster)),
+        Role::Node(node) => Some(ProcessSlot::Node(node)),
+        Role::Display => Some(ProcessSlot::Display),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chaos::{Cast, Schedule};
+    use crate::chaos::{Cast, FaultSchedule};
     use ground::ids::{ClusterId, Epoch, NodeId};
 
     const NODE: Role = Role::Node(NodeId(0));
@@ -232,7 +231,7 @@ mod tests {
     const MASTER: Role = Role::Master(ClusterId(0));
 
     fn disturbance(text: &str) -> Disturbance {
-        let schedule: Schedule = text.parse().expect("a schedule");
+        let schedule: FaultSchedule = text.parse().expect("a schedule");
         let faults = schedule.faults(Cast { clusters: 1, nodes: 2 }).expect("of this cast");
         Disturbance::new(faults, [127, 0, 0, 1].into())
     }
@@ -270,7 +269,7 @@ mod tests {
         disturbance.observe(&Event::Connected(first));
         disturbance.observe(&Event::Connected(second));
         disturbance.observe(&Event::Exited(first, "ended by itself".to_owned()));
-        assert_eq!(disturbance.processes[&Place::Node(NodeId(0))].id, second);
+        assert_eq!(disturbance.processes[&ProcessSlot::Node(NodeId(0))].id, second);
         disturbance.observe(&Event::Exited(second, "ended by itself".to_owned()));
         assert!(disturbance.processes.is_empty());
     }

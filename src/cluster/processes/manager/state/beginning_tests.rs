@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::super::cause::Cause;
 use super::super::event::{Action, Event};
+use super::super::fixture;
 use super::super::process::{Command, ProcessId, Report};
-use super::super::sample;
 use super::State;
 use crate::protocol::control::BusReport;
 use crate::protocol::hello::Role;
@@ -32,7 +32,7 @@ fn configured(actions: &[Action]) -> Vec<Role> {
 
 #[test]
 fn processes_that_write_files_are_configured_when_the_run_has_begun() {
-    let (mut state, _) = State::start(sample::plan(2, 4));
+    let (mut state, _) = State::start(fixture::plan(2, 4));
     assert_eq!(connects(&mut state, BUS), []);
     assert_eq!(connects(&mut state, Role::Node(NodeId(0))), []);
     assert_eq!(connects(&mut state, DISPLAY), [Action::Begin]);
@@ -48,7 +48,7 @@ fn processes_that_write_files_are_configured_when_the_run_has_begun() {
 
 #[test]
 fn a_run_that_cannot_begin_fails() {
-    let (mut state, _) = State::start(sample::plan(1, 4));
+    let (mut state, _) = State::start(fixture::plan(1, 4));
     connects(&mut state, DISPLAY);
     assert_eq!(connects(&mut state, BUS), [Action::Begin]);
     let actions = happens(&mut state, 0, Event::Begun(Err("out: Permission denied".to_owned())));
@@ -58,7 +58,7 @@ fn a_run_that_cannot_begin_fails() {
 
 #[test]
 fn a_bus_that_waits_for_a_display_is_not_late() {
-    let mut plan = sample::plan(1, 4);
+    let mut plan = fixture::plan(1, 4);
     plan.run.deadlines.heartbeat = Duration::from_secs(1000);
     // Longer than the deadline of a start.
     plan.run.deadlines.startup = Duration::from_secs(10);
@@ -76,13 +76,13 @@ fn a_bus_that_waits_for_a_display_is_not_late() {
 #[test]
 fn a_bus_that_cannot_close_its_recording_fails_the_run_and_one_that_fails_before_is_replaced() {
     let failed = || Report::Bus(BusReport::Failed("cannot write bus.arrows: No space left".to_owned()));
-    let (mut state, _) = State::start(sample::plan(1, 4));
+    let (mut state, _) = State::start(fixture::plan(1, 4));
     connects(&mut state, BUS);
     let id = ProcessId::first(BUS);
     assert!(happens(&mut state, 0, Event::Report(id, failed())).contains(&Action::Kill(id)));
     assert!(state.ending.is_running());
 
-    let (mut state, _) = State::start(sample::plan(1, 4));
+    let (mut state, _) = State::start(fixture::plan(1, 4));
     connects(&mut state, BUS);
     connects(&mut state, DISPLAY);
     happens(&mut state, 0, Event::Begun(Ok(())));

@@ -80,7 +80,7 @@ pub(crate) fn seconds(duration: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::processes::manager::sample;
+    use crate::processes::manager::fixture;
     use crate::protocol::hello::Role;
     use ground::ids::{ClusterId, NodeId};
 
@@ -93,7 +93,7 @@ mod tests {
             hung_up: hung_up.map(Duration::from_secs),
             ..Process::spawned(ProcessId::first(role), Duration::ZERO)
         });
-        table.overdue(Duration::from_secs(second), &sample::run().deadlines).pop().map(|(_, why)| why)
+        table.overdue(Duration::from_secs(second), &fixture::run().deadlines).pop().map(|(_, why)| why)
     }
 
     #[test]

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use super::super::cause::{Cause, Interrupt};
 use super::super::event::{Action, Event};
+use super::super::fixture;
 use super::super::plan::Plan;
 use super::super::process::{Command, ProcessId, Report};
-use super::super::sample;
 use super::State;
 use crate::protocol::control::{
     BusCommand, BusReport, DisplayCommand, DisplayReport, DisplayTotals, Holdings, MasterCommand, MasterReport,
@@ -39,14 +39,14 @@ pub(super) fn address(port: u16) -> SocketAddr {
 impl Stage {
     /// All processes spawned, nobody connected.
     fn spawned(nodes: u16, tiles: u32) -> Self {
-        let (state, actions) = State::start(sample::plan(nodes, tiles));
+        let (state, actions) = State::start(fixture::plan(nodes, tiles));
         assert_eq!(actions.len(), 3 + usize::from(nodes));
         Self { state, now: Duration::ZERO }
     }
 
     /// Configured and at work, all tiles handed out.
     pub(super) fn running(nodes: u16, tiles: u32) -> Self {
-        Self::configured(sample::plan(nodes, tiles), tiles)
+        Self::configured(fixture::plan(nodes, tiles), tiles)
     }
 
     pub(super) fn configured(plan: Plan, tiles: u32) -> Self {
@@ -400,7 +400,7 @@ fn a_new_master_knows_the_nodes_that_were_set_aside_before_it() {
 
 #[test]
 fn a_cluster_without_nodes_gets_no_tiles() {
-    let mut plan = sample::plan(1, 4);
+    let mut plan = fixture::plan(1, 4);
     plan.cluster.count = 2;
     let mut stage = Stage::configured(plan, 0);
     stage.state.set_aside(NodeId(0), "it is condemned");

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::super::cause::{Cause, Interrupt};
 use super::super::event::{Action, Event};
+use super::super::fixture;
 use super::super::process::Command;
-use super::super::sample;
 use super::tests::{DISPLAY, Stage, granted, holdings, node, to_master};
 use crate::protocol::control::{
     Comparison, DisplayCommand, DisplayReport, Holdings, MasterCommand, MasterReport, NodeCommand, Share, TileResult,
@@ -16,7 +16,7 @@ use ground::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use trace::tracer::TraceStats;
 
 fn by(node: u16) -> Producer {
-    Producer { run: sample::RUN, node: NodeId(node), epoch: Epoch(0) }
+    Producer { run: fixture::RUN, node: NodeId(node), epoch: Epoch(0) }
 }
 
 fn compared(tile: u32, kept: (Producer, u8), other: (Producer, u8)) -> DisplayReport {
@@ -34,7 +34,7 @@ fn tiles_and_attempts(actions: &[Action]) -> Vec<(u32, u32)> {
 
 #[test]
 fn a_corrupt_node_is_found_and_its_tiles_are_done_again() {
-    let mut plan = sample::plan(3, 6);
+    let mut plan = fixture::plan(3, 6);
     plan.run.verify = 1e-9;
     let mut stage = Stage::configured(plan, 6);
     // Tiles 0, 1 are node 0's, 2 is node 1's; the first of each is checked by another one.
@@ -87,7 +87,7 @@ fn a_process_that_forges_is_condemned_without_a_comparison() {
         },
     ];
     for forge in forgeries {
-        let mut stage = Stage::configured(sample::plan(2, 4), 4);
+        let mut stage = Stage::configured(fixture::plan(2, 4), 4);
         stage.done(0, 0, 0);
         stage.master(MasterReport::TilesWanted(4));
         let actions = forge(&mut stage);
@@ -109,7 +109,7 @@ fn a_process_that_forges_is_condemned_without_a_comparison() {
 
 #[test]
 fn tiles_of_an_earlier_run_are_verified_by_their_processes() {
-    let mut plan = sample::plan(3, 4);
+    let mut plan = fixture::plan(3, 4);
     (plan.run.verify, plan.resume) = (1e-12, true);
     let earlier = Producer { run: RunId(99), ..by(0) };
     let shares = vec![Share { producer: earlier, tiles: 2, latest: TileId(3) }];
@@ -139,7 +139,7 @@ fn tiles_of_an_earlier_run_are_verified_by_their_processes() {
 
 #[test]
 fn a_condemnation_reaches_the_journal_of_a_run_that_is_interrupted() {
-    let mut plan = sample::plan(3, 6);
+    let mut plan = fixture::plan(3, 6);
     plan.run.verify = 1.0;
     let mut stage = Stage::configured(plan, 6);
     stage.done(0, 0, 0);
@@ -160,7 +160,7 @@ fn a_condemnation_reaches_the_journal_of_a_run_that_is_interrupted() {
 
 #[test]
 fn a_comparison_that_was_lost_is_made_again() {
-    let mut plan = sample::plan(2, 1);
+    let mut plan = fixture::plan(2, 1);
     plan.run.verify = 1.0;
     let mut stage = Stage::configured(plan, 1);
     stage.done(0, 0, 0);
@@ -177,7 +177,7 @@ fn a_comparison_that_was_lost_is_made_again() {
 
 #[test]
 fn a_verified_run_ends_when_the_display_has_told_all() {
-    let mut plan = sample::plan(2, 1);
+    let mut plan = fixture::plan(2, 1);
     plan.run.verify = 1.0;
     let mut stage = Stage::configured(plan, 1);
     stage.done(0, 0, 0);
@@ -203,6 +203,6 @@ fn a_verified_run_ends_when_the_display_has_told_all() {
 
 #[test]
 fn a_display_that_compares_what_there_is_not_is_ended() {
-    let mut stage = Stage::configured(sample::plan(2, 4), 4);
+    let mut stage = Stage::configured(fixture::plan(2, 4), 4);
     assert_eq!(stage.display(compared(4, (by(0), 1), (by(1), 2))), [Action::Kill(DISPLAY)]);
 }

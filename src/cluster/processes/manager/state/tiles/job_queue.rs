@@ -51,13 +51,13 @@ struct Lane {
 #[derive(Clone, Copy, Debug)]
 struct Tile {
     lane: u16,
-    place: Place,
+    progress: Progress,
     /// Attempts so far: the number of the next one.
     attempts: u32,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Place {
+enum Progress {
     Waiting,
     /// With a master or more.
     Out,
@@ -103,7 +103,7 @@ impl JobQueue {
             Assignment::Interleaved => (0..clusters.all_nodes()).map(|node| Some(NodeId(node))).collect(),
         };
         let lanes = nodes_of_lanes.into_iter().map(|node| Lane { node, waiting: VecDeque::new(), out: 0 });
-        let waiting = Tile { lane: 0, place: Place::Waiting, attempts: 0 };
+        let waiting = Tile { lane: 0, progress: Progress::Waiting, attempts: 0 };
         let mut queue = Self {
             clusters,
             lanes: lanes.collect(),
@@ -162,8 +162,8 @@ impl JobQueue {
 
     /// The attempt at a tile that is part of the image.
     pub(crate) fn accepted(&self, tile: TileId) -> Option<Attempt> {
-        match self.tiles.get(tile.0 as usize)?.place {
-            Place::Done { attempt, .. } => Some(attempt),
+        match self.tiles.get(tile.0 as usize)?.progress {
+            Progress::Done { attempt, .. } => Some(attempt),
             _ => None,
         }
     }
@@ -209,7 +209,7 @@ impl JobQueue {
         let lane = lanes.min_by_key(|lane| lane.out)?;
         let tile = lane.waiting.pop_front()?;
         lane.out += 1;
-        self.tiles[tile.0 as usize].place = Place::Out;
+        self.tiles[tile.0 as usize].progress = Progress::Out;
         Some((tile, lane.node, Kind::Render))
     }
 
@@ -225,7 +225,8 @@ impl JobQueue {
         }
         let patience = self.straggle_min.max(STRAGGLE_FACTOR * (self.taken / self.accepted));
         // A done tile's other attempt may still be out; so may one from before it had to be done again.
-        let is_alone = |tile: TileId| self.tiles[tile.0 as usize].place == Place::Out && self.out_of(tile).count() == 1;
+        let is_alone =
+            |tile: TileId| self.tiles[tile.0 as usize].progress == Progress::Out && self.out_of(tile).count() == 1;
         let late = self.out.iter().filter(|((tile, _), out)| {
             // A cluster of one node cannot help itself.
             let others = out.cluster != cluster || available.len() > 1;
@@ -258,17 +259,17 @@ impl JobQueue {
     pub(crate) fn complete(&mut self, tile: TileId, attempt: Attempt, by: Producer, now: Duration) -> Completion {
         let Some(out) = self.out.remove(&(tile, attempt)) else { return Completion::Unknown };
         let entry = &mut self.tiles[tile.0 as usize];
-        let is_awaited = matches!(entry.place, Place::Out | Place::Waiting);
+        let is_awaited = matches!(entry.progress, Progress::Out | Progress::Waiting);
         if !is_awaited || matches!(out.kind, Kind::Check(_)) {
             return Completion::Extra;
         }
         let lane = &mut self.lanes[usize::from(entry.lane)];
-        match entry.place {
-            Place::Out => lane.out -= 1,
+        match entry.progress {
+            Progress::Out => lane.out -= 1,
             // Its other attempt was lost, this one was not.
             _ => lane.waiting.retain(|&waiting| waiting != tile),
         }
-        entry.place = Place::Done { attempt, by: Some(by) };
+        entry.progress = Progress::Done { attempt, by: Some(by) };
         self.missing -= 1;
         self.taken += now.saturating_sub(out.since);
         self.accepted += 1;
@@ -282,8 +283,8 @@ impl JobQueue {
         let entry = &mut self.tiles[tile.0 as usize];
         match out.kind {
             Kind::Check(except) => self.checks.push_front((tile, except)),
-            _ if entry.place == Place::Out && !is_out => {
-                entry.place = Place::Waiting;
+            _ if entry.progress == Progress::Out && !is_out => {
+                entry.progress = Progress::Waiting;
                 let lane = &mut self.lanes[usize::from(entry.lane)];
                 lane.out -= 1;
                 lane.waiting.push_front(tile);
@@ -351,14 +352,14 @@ impl JobQueue {
     pub(crate) fn resume(&mut self, has: impl Fn(TileId) -> bool) -> u32 {
         let mut resumed = 0;
         for (i, entry) in self.tiles.iter_mut().enumerate() {
-            if entry.place == Place::Waiting && has(TileId(i as u32)) {
+            if entry.progress == Progress::Waiting && has(TileId(i as u32)) {
                 // The journal's attempt; ours are later ones.
-                entry.place = Place::Done { attempt: Attempt(0), by: None };
+                entry.progress = Progress::Done { attempt: Attempt(0), by: None };
                 resumed += 1;
             }
         }
         let tiles = &self.tiles;
-        let waits = |tile: &TileId| tiles[tile.0 as usize].place == Place::Waiting;
+        let waits = |tile: &TileId| tiles[tile.0 as usize].progress == Progress::Waiting;
         self.lanes.iter_mut().for_each(|lane| lane.waiting.retain(waits));
         self.missing -= resumed;
         resumed
@@ -373,10 +374,10 @@ impl JobQueue {
         let mut redone = Vec::new();
         for (i, entry) in self.tiles.iter_mut().enumerate().rev() {
             let tile = TileId(i as u32);
-            if let Place::Done { by, .. } = entry.place
+            if let Progress::Done { by, .. } = entry.progress
                 && is_gone(tile, by)
             {
-                entry.place = Place::Waiting;
+                entry.progress = Progress::Waiting;
                 self.lanes[usize::from(entry.lane)].waiting.push_front(tile);
                 redone.push((tile, by));
             }
@@ -384,7 +385,7 @@ impl JobQueue {
         self.missing += redone.len() as u32;
         if !redone.is_empty() {
             let tiles = &self.tiles;
-            self.checks.retain(|(tile, _)| matches!(tiles[tile.0 as usize].place, Place::Done { .. }));
+            self.checks.retain(|(tile, _)| matches!(tiles[tile.0 as usize].progress, Progress::Done { .. }));
         }
         redone
     }

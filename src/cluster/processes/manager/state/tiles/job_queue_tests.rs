@@ -1,7 +1,7 @@
 //! The job queue, event by event.
 
 use super::*;
-use crate::processes::manager::sample;
+use crate::processes::manager::fixture;
 use ground::ids::{Epoch, RunId};
 use machine::tile_order::TileOrder;
 use trace::picture::{Sides, Tiling};
@@ -12,8 +12,8 @@ const BY: Producer = Producer { run: RunId(1), node: NodeId(0), epoch: Epoch(0) 
 
 fn queue(assignment: Assignment, tiles: u32, nodes: u16, count: u16) -> JobQueue {
     let tiling = Tiling::new(Sides { width: tiles, height: 1, tile_width: 1, tile_height: 1 }).expect("possible");
-    let run = Run { assignment, order: TileOrder::Scanline, ..sample::run() };
-    JobQueue::new(&run, tiling, Cluster { count, ..sample::plan(nodes, tiles).cluster })
+    let run = Run { assignment, order: TileOrder::Scanline, ..fixture::run() };
+    JobQueue::new(&run, tiling, Cluster { count, ..fixture::plan(nodes, tiles).cluster })
 }
 
 /// Tile and node of each grant.

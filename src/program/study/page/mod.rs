@@ -1,8 +1,12 @@
 //! One HTML file with all in it: no scripts, nothing to fetch.
 
+pub mod charts;
+pub mod plot;
+pub mod table;
+
 use std::fmt::{self, Display, Write};
 
-use super::plot::Chart;
+use crate::study::page::plot::Chart;
 
 /// A chart, and what it was made with.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,7 +75,7 @@ impl Display for Escaped<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::plot::{Axis, Series, Style};
+    use crate::study::page::plot::{Axis, Series, Style};
 
     #[test]
     fn a_page_is_whole_in_itself_and_escapes_what_it_is_told() {

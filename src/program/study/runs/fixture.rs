@@ -1,6 +1,6 @@
 //! A small scene for tests: the gears at 40×40 pixels.
 
-use super::traced::{Run, Traced};
+use crate::study::runs::traced::{Run, Traced};
 use machine::hardware::specification::{Arbiter, Bus, MemorySize, Processor};
 use machine::replay::Captured;
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
@@ -10,10 +10,10 @@ use trace::preparation::{self, Fallback, Prepared};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
-pub(super) const TILING: Tiling =
+pub(in crate::study) const TILING: Tiling =
     Tiling::new(Sides { width: 40, height: 40, tile_width: 5, tile_height: 5 }).expect("possible");
 
-pub(super) fn gears() -> (Prepared, Traced<Captured>) {
+pub(in crate::study) fn gears() -> (Prepared, Traced<Captured>) {
     let source: SceneSource = "gears:1".parse().expect("a procedural scene");
     let octree = Octree { leaf_size: 8, max_depth: 6, mailbox: true };
     let image = ImageSettings::new(TILING.sides().width, TILING.sides().height, 2, 0.0).expect("possible");
@@ -32,7 +32,7 @@ pub(super) fn gears() -> (Prepared, Traced<Captured>) {
 }
 
 /// An eighth of the database, lines of 64.
-pub(super) fn setting(nodes: u16) -> Setting {
+pub(in crate::study) fn setting(nodes: u16) -> Setting {
     Setting {
         local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
         line: 64,

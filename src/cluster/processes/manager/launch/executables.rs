@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::process::ProcessId;
+use crate::processes::manager::process::ProcessId;
 
 const PROGRAMS: [&str; 4] = ["marti-bus", "marti-display", "marti-master", "marti-node"];
 
 #[derive(Clone, Debug)]
-pub(super) struct Executables {
+pub(in crate::processes::manager) struct Executables {
     folder: PathBuf,
 }
 
@@ -22,7 +22,7 @@ pub struct MissingExecutable {
 impl Executables {
     /// # Errors
     /// One of them is not there.
-    pub(super) fn beside_this_one() -> Result<Self, MissingExecutable> {
+    pub(in crate::processes::manager) fn beside_this_one() -> Result<Self, MissingExecutable> {
         let this = std::env::current_exe().unwrap_or_default();
         Self::in_folder(this.parent().unwrap_or(Path::new(".")))
     }
@@ -34,7 +34,7 @@ impl Executables {
     }
 
     /// The path of its program, in that folder if one is named; for a launcher, which takes text.
-    pub(super) fn path(&self, process: ProcessId, folder: Option<&str>) -> String {
+    pub(in crate::processes::manager) fn path(&self, process: ProcessId, folder: Option<&str>) -> String {
         let folder = folder.map_or(self.folder.as_path(), Path::new);
         folder.join(file_name(process.program())).to_string_lossy().into_owned()
     }

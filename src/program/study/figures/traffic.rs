@@ -2,16 +2,16 @@
 
 use serde::{Serialize, Serializer};
 
-use super::conditions::Conditions;
-use super::counts::Ratio;
-use super::traced::Traced;
+use crate::study::figures::conditions::Conditions;
+use crate::study::figures::ratio::Ratio;
+use crate::study::runs::traced::Traced;
 use machine::hardware::local_memory::{Geometry, GeometryError, LINES_MIN};
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
 use machine::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
-use machine::replay::model::count::Counters;
 use machine::replay::model::counts::{Counts, ratio};
 use machine::replay::model::curve::LruCurve;
-use machine::replay::plan::schedule::Schedule;
+use machine::replay::model::replayer::Counters;
+use machine::replay::plan::schedule::TileSchedule;
 use machine::replay::stream::subject::Subject;
 use machine::replay::{Trace, TraceError};
 use machine::tile_order::TileOrder;
@@ -105,7 +105,7 @@ impl Traffic {
         nodes: u16,
         sizes: &[MemorySize],
     ) -> Result<Self, TrafficError> {
-        let schedule = Schedule::interleaved(&traced.ordered(order), u32::from(nodes));
+        let schedule = TileSchedule::interleaved(&traced.ordered(order), u32::from(nodes));
         let curve = traced.curve(&schedule, line_bytes)?;
         let size = |&size: &MemorySize| {
             let memory = LocalMemory { size, line: line_bytes, ways: None, replacement: Replacement::Lru };
@@ -115,10 +115,10 @@ impl Traffic {
         Ok(Self {
             conditions: Conditions::new(traced, line_bytes, order),
             nodes,
-            messages: Messages::new(traced.tiling),
+            messages: Messages::new(traced.run.tiling),
             unique_processor_bytes: 4 * traced.reads.words_read(),
             sizes: sizes.iter().map(size).collect::<Result<_, _>>()?,
-            curve: sampled(&curve, line_bytes, traced.layout.image_bytes()),
+            curve: thinned(&curve, line_bytes, traced.layout.database_bytes()),
         })
     }
 
@@ -132,9 +132,9 @@ impl Traffic {
     }
 }
 
-/// Four points an octave, from the smallest memory to one of `image_bytes`; the shares by powers of two are among them.
-fn sampled(curve: &LruCurve, line_bytes: u32, image_bytes: u64) -> Vec<CurvePoint> {
-    let all = image_bytes / u64::from(line_bytes);
+/// Four points an octave, from the smallest memory to one of `database_bytes`; the shares by powers of two are among them.
+fn thinned(curve: &LruCurve, line_bytes: u32, database_bytes: u64) -> Vec<CurvePoint> {
+    let all = database_bytes / u64::from(line_bytes);
     let lines = (0..).map(|quarter| (all as f64 * libm::exp2(-f64::from(quarter) / 4.0)) as u32);
     let lines: Vec<u32> = lines.take_while(|&lines| u64::from(lines) >= LINES_MIN).collect();
     let point = |&lines: &u32| {
@@ -154,7 +154,7 @@ impl Size {
         let mut bus_bytes = counts.bus_bytes();
         if size == MemorySize::All {
             counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };
-            bus_bytes = u64::from(nodes) * traced.layout.image_bytes();
+            bus_bytes = u64::from(nodes) * traced.layout.database_bytes();
         }
         Self { local_memory: size, local_bytes: geometry.local_bytes(), counts, bus_bytes }
     }
@@ -167,7 +167,8 @@ impl Size {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::{published, sample};
+    use crate::study::published;
+    use crate::study::runs::fixture;
     use trace::picture::Sides;
 
     #[test]
@@ -181,7 +182,7 @@ mod tests {
 
     #[test]
     fn a_larger_memory_moves_less_and_all_moves_all() {
-        let (_, traced) = sample::gears();
+        let (_, traced) = fixture::gears();
         let sizes = [published::share(8), published::share(2), MemorySize::All];
         let traffic = Traffic::new(&traced, 32, TileOrder::Scanline, 3, &sizes).expect("in memory");
         let [eighth, half, all] = [0, 1, 2].map(|i| &traffic.sizes[i]);
@@ -192,7 +193,7 @@ mod tests {
             let point = traffic.curve.iter().find(|point| point.local_bytes == size.local_bytes);
             assert_eq!(point.map(|point| (point.misses, point.bus_bytes)), Some((size.counts.misses, size.bus_bytes)));
         }
-        assert_eq!(all.bus_bytes, 3 * traced.layout.image_bytes());
+        assert_eq!(all.bus_bytes, 3 * traced.layout.database_bytes());
         assert_eq!(all.ratio(Ratio::MissesPerRecordAccess), 0.0);
         let [data, with_messages] = traffic.bus_shares(eighth);
         assert_eq!(data, eighth.ratio(Ratio::WordsMovedPerWordRead));

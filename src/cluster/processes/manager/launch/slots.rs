@@ -1,4 +1,4 @@
-//! Places on external hosts: who asks for one is told to wait until one is free.
+//! JoinSlots on external hosts: who asks for one is told to wait until one is free.
 
 use std::mem::discriminant;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Instant, timeout};
 
-use super::process::ProcessId;
+use crate::processes::manager::process::ProcessId;
 use crate::protocol::connection::{Connection, ConnectionError};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::hello::Role;
@@ -17,7 +17,7 @@ use crate::protocol::join::{JoinReply, JoinRequest};
 const REQUEST_DEADLINE: Duration = Duration::from_secs(2);
 /// Between two words to somebody who waits.
 const WAIT_PERIOD: Duration = Duration::from_secs(2);
-/// From getting a place until dialling anew; then it goes to somebody else.
+/// From getting a slot until dialling anew; then it goes to somebody else.
 const TAKE_DEADLINE: Duration = Duration::from_secs(10);
 /// For those who wait to be told the end.
 const FAREWELL_DEADLINE: Duration = Duration::from_millis(300);
@@ -26,7 +26,7 @@ const WAITING_MAX: usize = 1024;
 
 /// Cheap to clone; all clones are one.
 #[derive(Clone, Debug)]
-pub(super) struct Places {
+pub(in crate::processes::manager) struct JoinSlots {
     free: Arc<Mutex<Free>>,
     /// Told with every change of what is free, and whether the run is over.
     over: Arc<watch::Sender<bool>>,
@@ -34,11 +34,11 @@ pub(super) struct Places {
 
 #[derive(Debug, Default)]
 struct Free {
-    places: Vec<Place>,
+    slots: Vec<JoinSlot>,
 }
 
 #[derive(Debug)]
-struct Place {
+struct JoinSlot {
     id: ProcessId,
     host: String,
     bootstrap: Bootstrap,
@@ -46,46 +46,46 @@ struct Place {
     given_until: Option<Instant>,
 }
 
-impl Places {
-    pub(super) fn new() -> Self {
+impl JoinSlots {
+    pub(in crate::processes::manager) fn new() -> Self {
         Self { free: Arc::default(), over: Arc::new(watch::Sender::new(false)) }
     }
 
     /// From now on somebody may take it.
-    pub(super) fn offer(&self, id: ProcessId, host: &str, bootstrap: Bootstrap) {
-        self.lock().places.push(Place { id, host: host.to_owned(), bootstrap, given_until: None });
+    pub(in crate::processes::manager) fn offer(&self, id: ProcessId, host: &str, bootstrap: Bootstrap) {
+        self.lock().slots.push(JoinSlot { id, host: host.to_owned(), bootstrap, given_until: None });
         self.over.send_modify(|_| ());
     }
 
-    /// It is taken, or there is no such place any more.
-    pub(super) fn withdraw(&self, id: ProcessId) {
-        self.lock().places.retain(|place| place.id != id);
+    /// It is taken, or there is no such slot any more.
+    pub(in crate::processes::manager) fn withdraw(&self, id: ProcessId) {
+        self.lock().slots.retain(|slot| slot.id != id);
     }
 
-    /// The first free place for this role, on this host if one is named.
+    /// The first free slot for this role, on this host if one is named.
     fn give(&self, role: Role, host: Option<&str>, now: Instant) -> Option<Bootstrap> {
         let mut free = self.lock();
-        let fits = |place: &&mut Place| {
-            discriminant(&place.id.role) == discriminant(&role)
-                && host.is_none_or(|host| host == place.host)
-                && place.given_until.is_none_or(|until| until < now)
+        let fits = |slot: &&mut JoinSlot| {
+            discriminant(&slot.id.role) == discriminant(&role)
+                && host.is_none_or(|host| host == slot.host)
+                && slot.given_until.is_none_or(|until| until < now)
         };
-        let place = free.places.iter_mut().find(fits)?;
-        place.given_until = Some(now + TAKE_DEADLINE);
-        Some(place.bootstrap.clone())
+        let slot = free.slots.iter_mut().find(fits)?;
+        slot.given_until = Some(now + TAKE_DEADLINE);
+        Some(slot.bootstrap.clone())
     }
 
-    /// Talks to somebody who wants a place, in that role, until it has one, leaves, or the run is over.
-    pub(super) fn welcome(&self, role: Role, connection: Connection) {
+    /// Talks to somebody who wants a slot, in that role, until it has one, leaves, or the run is over.
+    pub(in crate::processes::manager) fn welcome(&self, role: Role, connection: Connection) {
         if self.over.receiver_count() >= WAITING_MAX {
             tracing::warn!("{}: turned away, {WAITING_MAX} wait for a place already", connection.peer());
             return;
         }
-        let (places, changed) = (self.clone(), self.over.subscribe());
+        let (slots, changed) = (self.clone(), self.over.subscribe());
         tokio::spawn(async move {
             let peer = Arc::clone(connection.peer());
-            match places.converse(role, connection, changed).await {
-                Ok(Some(place)) => tracing::info!("{peer} gets the place of {place}"),
+            match slots.converse(role, connection, changed).await {
+                Ok(Some(slot)) => tracing::info!("{peer} gets the place of {slot}"),
                 Ok(None) => {}
                 Err(error) => tracing::warn!("{error}"),
             }
@@ -106,13 +106,13 @@ impl Places {
                 return Ok(None);
             }
             if let Some(bootstrap) = self.give(role, host.as_deref(), Instant::now()) {
-                let place = bootstrap.role;
+                let slot = bootstrap.role;
                 sender.send(&JoinReply::Place(Box::new(bootstrap))).await?;
-                return Ok(Some(place));
+                return Ok(Some(slot));
             }
             sender.send(&JoinReply::Wait).await?;
             tokio::select! {
-                // An error means that there are no places any more.
+                // An error means that there are no slots any more.
                 _ = timeout(WAIT_PERIOD, changed.changed()) => {}
                 // Whatever it is: nothing more is asked.
                 _ = receiver.receive() => return Ok(None),
@@ -121,7 +121,7 @@ impl Places {
     }
 
     /// Tells those who wait that the run is over.
-    pub(super) async fn close(&self) {
+    pub(in crate::processes::manager) async fn close(&self) {
         self.over.send_replace(true);
         // Who is not told in time finds nobody when it comes again.
         let _ = timeout(FAREWELL_DEADLINE, self.over.closed()).await;
@@ -139,8 +139,8 @@ mod tests {
     use crate::protocol::hello::RunToken;
     use ground::ids::{ClusterId, Epoch, NodeId};
 
-    fn places(roles: &[(Role, &str)]) -> Places {
-        let places = Places::new();
+    fn slots(roles: &[(Role, &str)]) -> JoinSlots {
+        let slots = JoinSlots::new();
         for (role, host) in roles {
             let bootstrap = Bootstrap {
                 role: *role,
@@ -153,9 +153,9 @@ mod tests {
                 log: None,
                 heartbeat_milliseconds: 1,
             };
-            places.offer(ProcessId::first(*role), host, bootstrap);
+            slots.offer(ProcessId::first(*role), host, bootstrap);
         }
-        places
+        slots
     }
 
     fn node(id: u16) -> Role {
@@ -164,9 +164,9 @@ mod tests {
 
     #[tokio::test]
     async fn places_go_to_who_can_fill_them() {
-        let places = places(&[(Role::Bus(ClusterId(0)), "a"), (node(3), "a"), (node(4), "b")]);
+        let slots = slots(&[(Role::Bus(ClusterId(0)), "a"), (node(3), "a"), (node(4), "b")]);
         let now = Instant::now();
-        let given = |role, host, now| places.give(role, host, now).map(|bootstrap| bootstrap.role);
+        let given = |role, host, now| slots.give(role, host, now).map(|bootstrap| bootstrap.role);
         assert_eq!(given(Role::Display, None, now), None);
         assert_eq!(given(node(0), Some("b"), now), Some(node(4)));
         assert_eq!(given(node(0), Some("b"), now), None, "given already");
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(given(node(0), None, now), None);
         assert_eq!(given(Role::Bus(ClusterId(7)), None, now), Some(Role::Bus(ClusterId(0))));
         // Who got one and never dialled loses it; who dialled keeps it.
-        places.withdraw(ProcessId::first(node(3)));
+        slots.withdraw(ProcessId::first(node(3)));
         let later = now + TAKE_DEADLINE + Duration::from_millis(1);
         assert_eq!(given(node(0), None, later), Some(node(4)));
         assert_eq!(given(node(0), None, later), None);

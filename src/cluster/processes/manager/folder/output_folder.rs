@@ -18,7 +18,7 @@ use ground::atomic_file;
 use ground::regular_file;
 
 /// The resolved topology.
-pub(super) const TOPOLOGY_NAME: &str = "topology.toml";
+pub(in crate::processes::manager) const TOPOLOGY_NAME: &str = "topology.toml";
 /// How a resolved topology begins: by it the folder of a run is known.
 const RESOLVED: &str = "# Resolved by marti run\n";
 const STARTING: &str = "starting";
@@ -39,17 +39,17 @@ const RESULTS: [&str; 9] = [
 ];
 
 /// The display's journal.
-pub(super) fn journal(out: &Path) -> PathBuf {
+pub(in crate::processes::manager) fn journal(out: &Path) -> PathBuf {
     out.join(JOURNAL_NAME)
 }
 
 /// The report of a run that has ended.
-pub(super) fn report(out: &Path) -> PathBuf {
+pub(in crate::processes::manager) fn report(out: &Path) -> PathBuf {
     out.join(REPORT_NAME)
 }
 
 /// SHA-256 of the image file, in hexadecimal; `None` where there is none.
-pub(super) fn image_sha256(out: &Path) -> Option<String> {
+pub(in crate::processes::manager) fn image_sha256(out: &Path) -> Option<String> {
     let mut file = regular_file::open(&out.join("image.png")).ok()?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
@@ -64,7 +64,7 @@ pub(super) fn image_sha256(out: &Path) -> Option<String> {
 
 /// What is to become of what the folder holds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Opening {
+pub(in crate::processes::manager) enum Opening {
     /// It is put aside; without `force` nothing may be there that no run wrote.
     Anew { force: bool },
     /// The same, but for the journal.
@@ -88,7 +88,7 @@ impl From<io::Error> for OutputError {
 }
 
 #[derive(Debug)]
-pub(super) struct OutputFolder {
+pub(in crate::processes::manager) struct OutputFolder {
     root: PathBuf,
     claim: FolderClaim,
     keeps_journal: bool,
@@ -111,7 +111,11 @@ impl OutputFolder {
     ///
     /// # Errors
     /// Another process writes into it, no run wrote what it holds, or something cannot be made; the error names it.
-    pub(super) fn open(root: &Path, topology: &Topology, opening: Opening) -> Result<Self, OutputError> {
+    pub(in crate::processes::manager) fn open(
+        root: &Path,
+        topology: &Topology,
+        opening: Opening,
+    ) -> Result<Self, OutputError> {
         if root.to_str().is_none() {
             return Err(OutputError::NotUnicode(root.to_owned()));
         }
@@ -143,7 +147,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// Something cannot be moved; the error names it.
-    pub(super) fn begin(&mut self) -> io::Result<()> {
+    pub(in crate::processes::manager) fn begin(&mut self) -> io::Result<()> {
         for entry in fs::read_dir(&self.root).map_err(|error| named(&self.root, &error))? {
             let entry = entry.map_err(|error| named(&self.root, &error))?;
             let name = entry.file_name();
@@ -175,7 +179,7 @@ impl OutputFolder {
     }
 
     /// The run is over, and its report says so, even if it has not begun.
-    pub(super) fn end(&mut self) {
+    pub(in crate::processes::manager) fn end(&mut self) {
         self.stage = match self.stage {
             Stage::Fresh | Stage::Begun => Stage::Begun,
             Stage::Starting | Stage::Failed => Stage::Failed,
@@ -183,17 +187,17 @@ impl OutputFolder {
     }
 
     /// Where logs and report are of a run that ended before it had begun, with results of an earlier run in the way.
-    pub(super) fn failed_start(&self) -> Option<PathBuf> {
+    pub(in crate::processes::manager) fn failed_start(&self) -> Option<PathBuf> {
         (self.stage == Stage::Failed).then(|| self.starting())
     }
 
     /// Whether something of an earlier run was moved.
-    pub(super) fn has_put_aside(&self) -> bool {
+    pub(in crate::processes::manager) fn has_put_aside(&self) -> bool {
         self.claim.has_put_aside()
     }
 
     /// That the folder could not be locked, if so.
-    pub(super) fn warning(&self) -> Option<String> {
+    pub(in crate::processes::manager) fn warning(&self) -> Option<String> {
         self.claim.warning()
     }
 
@@ -213,24 +217,24 @@ impl OutputFolder {
         }
     }
 
-    pub(super) fn image(&self) -> PathBuf {
+    pub(in crate::processes::manager) fn image(&self) -> PathBuf {
         self.root.join("image.png")
     }
 
-    pub(super) fn report(&self) -> PathBuf {
+    pub(in crate::processes::manager) fn report(&self) -> PathBuf {
         report(&self.place())
     }
 
     /// What a process needs to join without keys: the run's token, for its owner alone.
-    pub(super) fn join_token(&self) -> PathBuf {
+    pub(in crate::processes::manager) fn join_token(&self) -> PathBuf {
         self.root.join(TOKEN_NAME)
     }
 
-    pub(super) fn recording(&self) -> PathBuf {
+    pub(in crate::processes::manager) fn recording(&self) -> PathBuf {
         self.root.join("recording")
     }
 
-    pub(super) fn logs(&self) -> PathBuf {
+    pub(in crate::processes::manager) fn logs(&self) -> PathBuf {
         self.place().join("logs")
     }
 }
@@ -287,7 +291,7 @@ fn foreign_entry(root: &Path) -> io::Result<Option<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sample;
+    use crate::report::fixture;
 
     fn topology() -> Topology {
         Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project")
@@ -371,7 +375,7 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         fs::write(path("notes.txt"), "").expect("writable folder");
         assert!(OutputFolder::open(folder.path(), &topology(), ANEW).is_err());
-        json::write(&sample::report(), &path("report.json")).expect("writable folder");
+        json::write(&fixture::report(), &path("report.json")).expect("writable folder");
         drop(OutputFolder::open(folder.path(), &topology(), ANEW).expect("a report"));
         fs::remove_file(path("report.json")).expect("there");
         fs::write(path("topology.toml"), RESOLVED).expect("writable folder");

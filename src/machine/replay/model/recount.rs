@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use crate::hardware::local_memory::Geometry;
 use crate::hardware::replacement::Lru;
-use crate::replay::model::count::{Counters, Replayer, Sum};
 use crate::replay::model::curve::{LruCurve, curve};
+use crate::replay::model::replayer::{Counters, Replayer, Sum};
 use crate::replay::stream::reads;
 use crate::replay::{Captured, Lines, Trace, TraceError};
 
@@ -39,7 +39,7 @@ impl Comparison {
 ///
 /// # Errors
 /// As [`curve`]'s.
-pub fn verify(
+pub fn recount(
     trace: &(impl Trace + ?Sized),
     tiles: &[u32],
     lines: &impl Lines,
@@ -93,7 +93,7 @@ fn by_directory(
     size: u32,
 ) -> Result<Counters, TraceError> {
     // The directory does not ask how large a line is.
-    let geometry = Geometry { line_bytes: 16, image_lines: lines.count(), sets: 1, ways: size };
+    let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets: 1, ways: size };
     let mut memory = Replayer::<Lru, _>::new(lines, geometry, 0);
     let mut sum = Sum::new(trace);
     for &tile in tiles {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::replay::RecordLines;
     use crate::replay::model::optimal::optimal;
-    use crate::replay::plan::schedule::Schedule;
+    use crate::replay::plan::schedule::TileSchedule;
     use crate::replay::stream::captured::tests::teapot;
     use crate::replay::stream::reads::tests::{Single, captured};
 
@@ -146,16 +146,16 @@ mod tests {
         let layout = &database.database().header.layout;
         for line_bytes in [16, 64, 256] {
             let lines = RecordLines::new(layout, line_bytes);
-            let tiles = &Schedule::recorded(&trace, 1).nodes[0][0];
+            let tiles = &TileSchedule::recorded(&trace, 1).nodes[0][0];
             let curve = curve(&trace, tiles, &lines).expect("sound");
             let sizes = [16, 20, 100, lines.count() / 16, lines.count() / 4, curve.enough(), lines.count()];
-            let compared = verify(&trace, tiles, &lines, &curve, &sizes, 20_000).expect("sound");
+            let compared = recount(&trace, tiles, &lines, &curve, &sizes, 20_000).expect("sound");
             assert_eq!(compared.len(), 2 * sizes.len());
             for comparison in compared {
                 assert!(comparison.agrees(), "{line_bytes}: {comparison:?}");
                 assert!(comparison.recomputed.record_misses > 0);
             }
-            let geometries = sizes.map(|ways| Geometry { line_bytes, image_lines: lines.count(), sets: 1, ways });
+            let geometries = sizes.map(|ways| Geometry { line_bytes, database_lines: lines.count(), sets: 1, ways });
             let least = optimal(&trace, tiles, &lines, &geometries).expect("sound");
             for (size, least) in sizes.into_iter().zip(least) {
                 let lru = curve.at(size);
@@ -169,7 +169,7 @@ mod tests {
     fn a_wrong_curve_is_found() {
         let trace = captured(&[&[1, 2, 3, 1, 2, 3]], 4);
         let other = curve(&captured(&[&[1, 2, 3, 3, 2, 1]], 4), &[0], &Single(9)).expect("sound");
-        let compared = verify(&trace, &[0], &Single(9), &other, &[2, 3], 5).expect("sound");
+        let compared = recount(&trace, &[0], &Single(9), &other, &[2, 3], 5).expect("sound");
         assert_eq!(compared.iter().map(Comparison::agrees).collect::<Vec<_>>(), [false, true, true, true]);
         assert_eq!(compared[1].recomputed.record_accesses, 5);
     }

@@ -2,15 +2,15 @@
 
 use std::io;
 
-use super::kept::Kept;
-use machine::hardware::references::{Event, RecordNumbers, Word};
+use crate::study::runs::kept::Kept;
+use machine::hardware::references::{Event, RecordNumbers, ReferenceWord};
 use machine::hardware::specification::{Bus, Processor};
 use machine::hardware::stats::MemoryStats;
 use machine::recording::references::octree_levels;
 use machine::replay::model::curve::{self, LruCurve};
 use machine::replay::model::detail::{Classes, Detail};
-use machine::replay::plan::schedule::Schedule;
-use machine::replay::stream::subject::DatabaseTrace;
+use machine::replay::plan::schedule::TileSchedule;
+use machine::replay::stream::subject::{DatabaseTrace, TraceSource};
 use machine::replay::{RecordLines, Tally, Trace, TraceError, TracedTile, parallel};
 use trace::database::Layout;
 use trace::picture::Tiling;
@@ -21,13 +21,7 @@ use trace::tracer::octree::Octree;
 /// References, and the database that they are of.
 #[derive(Clone, Debug)]
 pub struct Traced<T> {
-    /// As a topology names it.
-    pub scene: String,
-    pub octree: Octree,
-    pub tiling: Tiling,
-    pub seed: u64,
-    pub processor: Processor,
-    pub bus: Bus,
+    pub run: Run,
     pub layout: Layout,
     numbers: RecordNumbers,
     pub trace: T,
@@ -40,6 +34,7 @@ pub struct Traced<T> {
 /// What a topology says of a run, besides its cluster's size.
 #[derive(Clone, Debug)]
 pub struct Run {
+    /// As a topology names it.
     pub scene: String,
     pub octree: Octree,
     pub tiling: Tiling,
@@ -71,18 +66,17 @@ impl<T: Trace> Traced<T> {
     /// # Errors
     /// The trace cannot be read.
     pub fn of(run: Run, prepared: &Prepared, trace: T) -> Result<Self, TraceError> {
-        let Run { scene, octree, tiling, seed, processor, bus } = run;
         let layout = prepared.database.database().header.layout.clone();
         let numbers = RecordNumbers::new(&layout);
         let (reads, rays) = reads(&layout, &octree_levels(&prepared.database), &trace)?;
-        Ok(Self { scene, octree, tiling, seed, processor, bus, layout, numbers, trace, reads, rays })
+        Ok(Self { run, layout, numbers, trace, reads, rays })
     }
 
     /// What memories of all sizes count, fully associative and LRU: the sum of all nodes.
     ///
     /// # Errors
     /// The trace cannot be read.
-    pub fn curve(&self, schedule: &Schedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
+    pub fn curve(&self, schedule: &TileSchedule, line_bytes: u32) -> Result<LruCurve, TraceError> {
         let lines = RecordLines::new(&self.layout, line_bytes);
         let mut sum = LruCurve::default();
         curve::by_node(&self.trace, schedule, &lines)?.iter().for_each(|node| sum.add(node));
@@ -101,29 +95,10 @@ impl<T: Trace> Trace for Traced<T> {
 }
 
 impl<T: Trace> DatabaseTrace for Traced<T> {
-    fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
     #[inline(always)]
-    fn numbers(&self) -> &RecordNumbers {
-        &self.numbers
-    }
-
-    fn tiling(&self) -> Tiling {
-        self.tiling
-    }
-
-    fn run_seed(&self) -> u64 {
-        self.seed
-    }
-
-    fn processor(&self) -> Processor {
-        self.processor
-    }
-
-    fn cluster_bus(&self) -> Bus {
-        self.bus
+    fn source(&self) -> TraceSource<'_> {
+        let Self { layout, numbers, run: Run { tiling, seed, processor, bus, .. }, .. } = self;
+        TraceSource { layout, numbers, tiling: *tiling, seed: *seed, processor: *processor, bus: *bus }
     }
 }
 
@@ -142,7 +117,7 @@ fn reads(
             detail.tile(tile);
             for part in trace.tiles()[tile as usize].parts.clone() {
                 trace.read(part, &mut words)?;
-                for event in words.iter().filter_map(|&word| Word(word).decode()) {
+                for event in words.iter().filter_map(|&word| ReferenceWord(word).decode()) {
                     match event {
                         Event::Ray(kind) => {
                             rays[kind as usize] += 1;
@@ -167,7 +142,8 @@ fn reads(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::{levels, sample};
+    use crate::study::figures::levels;
+    use crate::study::runs::fixture;
     use machine::hardware::specification::MemorySize;
     use machine::hardware::stats::{CLASSES, Counters, octree_class};
     use machine::replay::model::evaluation::{Evaluation, evaluate};
@@ -177,8 +153,8 @@ mod tests {
 
     #[test]
     fn what_was_read_is_what_the_tracer_counted() {
-        let (prepared, traced) = sample::gears();
-        let stats = levels::trace(&prepared.database, &prepared.view, sample::TILING, traced.octree.mailbox);
+        let (prepared, traced) = fixture::gears();
+        let stats = levels::trace(&prepared.database, &prepared.view, fixture::TILING, traced.run.octree.mailbox);
         for (level, &accesses) in (0..).zip(&stats.octree_accesses) {
             let read = |kind: &[Counters; CLASSES]| kind[octree_class(level)].record_accesses;
             assert_eq!(traced.reads.counters.iter().map(read).sum::<u64>(), accesses, "level {level}");
@@ -190,13 +166,13 @@ mod tests {
 
     #[test]
     fn a_memory_of_the_whole_database_misses_each_line_once_a_node_and_the_curve_says_so() {
-        let (_, traced) = sample::gears();
+        let (_, traced) = fixture::gears();
         let misses = |nodes| {
             let local_memory = MemorySize::Share { numerator: 1, denominator: 1 };
-            let setting = machine::replay::plan::setting::Setting { local_memory, ..sample::setting(nodes) };
+            let setting = machine::replay::plan::setting::Setting { local_memory, ..fixture::setting(nodes) };
             let rows = evaluate(&traced, &[setting], &Evaluation::default(), |_| {}).expect("in memory");
             assert_eq!(rows[0].counts.words_read, traced.reads.words_read());
-            let schedule = Schedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));
+            let schedule = TileSchedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));
             let curve = traced.curve(&schedule, setting.line).expect("in memory");
             assert_eq!(
                 curve.at((rows[0].local_bytes / u64::from(setting.line)) as u32).record_misses,
@@ -205,7 +181,7 @@ mod tests {
             rows[0].counts.line_misses
         };
         let (one, three) = (misses(1), misses(3));
-        assert!(one <= traced.layout.image_bytes() / u64::from(sample::setting(1).line), "{one}");
+        assert!(one <= traced.layout.database_bytes() / u64::from(fixture::setting(1).line), "{one}");
         assert!(one < three && three <= 3 * one, "{one} {three}");
     }
 }

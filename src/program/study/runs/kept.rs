@@ -120,12 +120,12 @@ impl Capture<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::sample;
+    use crate::study::runs::fixture;
 
     #[test]
     fn what_is_kept_is_what_was_captured() {
-        let (prepared, traced) = sample::gears();
-        let kept = Kept::capture(&prepared.database, &prepared.view, sample::TILING, traced.octree.mailbox)
+        let (prepared, traced) = fixture::gears();
+        let kept = Kept::capture(&prepared.database, &prepared.view, fixture::TILING, traced.run.octree.mailbox)
             .expect("a temporary file");
         assert_eq!(kept.tiles().len(), traced.trace.tiles().len());
         let words = |trace: &dyn Trace, parts: Range<u32>| {

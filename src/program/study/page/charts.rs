@@ -1,10 +1,10 @@
 //! Charts that several studies have.
 
-use super::contention::Contention;
-use super::levels::Level;
-use super::page::Figure;
-use super::plot::{Axis, Chart, Series, Style};
-use super::traffic::{CurvePoint, Traffic};
+use crate::study::figures::contention::Contention;
+use crate::study::figures::levels::Level;
+use crate::study::figures::traffic::{CurvePoint, Traffic};
+use crate::study::page::Figure;
+use crate::study::page::plot::{Axis, Chart, Series, Style};
 use machine::replay::contention::table::ContentionRow;
 
 /// From 1/32 to the whole database.

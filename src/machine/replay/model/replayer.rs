@@ -1,7 +1,7 @@
 //! One local memory over the references of one node: hits and misses, without data.
 
 use crate::hardware::local_memory::{Directory, Geometry};
-use crate::hardware::references::{Event, Word};
+use crate::hardware::references::{Event, ReferenceWord};
 use crate::hardware::replacement::Replacement;
 pub use crate::hardware::stats::Counters;
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
@@ -33,7 +33,7 @@ const NO_LINE: u32 = u32::MAX;
 impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// An empty memory. `geometry` is one of the same lines; `seed` decides random replacement.
     pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Self {
-        assert_eq!(geometry.image_lines, lines.count(), "a memory's geometry is resolved for its lines");
+        assert_eq!(geometry.database_lines, lines.count(), "a memory's geometry is resolved for its lines");
         Self { lines, directory: Directory::new(geometry, seed), hit_last: NO_LINE, words: Vec::new() }
     }
 
@@ -85,7 +85,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// As of [`Self::words`].
     pub fn until_miss(&mut self, words: &[u32], tally: &mut impl Tally) -> Result<(usize, u32), TraceError> {
         for (i, &word) in words.iter().enumerate() {
-            if Word(word).is_read() {
+            if ReferenceWord(word).is_read() {
                 let (first, count) = self.lines.of(word);
                 let missing = self.reference(first, count);
                 tally.read(word, count, missing);
@@ -137,7 +137,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
 
 /// Tells of a word that is no read.
 fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
-    match Word(word).decode() {
+    match ReferenceWord(word).decode() {
         Some(Event::Ray(kind)) => tally.ray(kind),
         Some(Event::Read(_)) => {}
         None => return Err(TraceError(format!("{word:#010x} is no word that this version knows"))),

@@ -17,7 +17,7 @@ use crate::machine::DEVICES;
 /// A thread that has entered it cannot leave, nor start threads. What it starts lives in the namespaces; it sees their
 /// files as they do, and all processes of the machine. Everything in it ends when it is dropped, or when this process
 /// ends in whichever way.
-pub(crate) struct Place {
+pub(crate) struct Namespaces {
     /// 512 MB that vanish with it.
     pub(crate) room: PathBuf,
     /// The first process of the namespace: it waits for the end of its standard input, and the others end with it.
@@ -32,7 +32,7 @@ pub(crate) struct Process {
     pub(crate) state: char,
 }
 
-impl Place {
+impl Namespaces {
     /// Enters new namespaces with this thread; `room` is an empty folder.
     ///
     /// # Errors
@@ -57,9 +57,9 @@ impl Place {
         let keeper =
             keeper.stdin(Stdio::piped()).stdout(Stdio::null()).spawn().map_err(|error| format!("cat: {error}"))?;
         let namespace = namespace_of(keeper.id()).ok_or("/proc tells no namespaces")?;
-        let place = Self { room: room.to_owned(), keeper, namespace };
+        let namespaces = Self { room: room.to_owned(), keeper, namespace };
         tool("ip", "link set lo up")?;
-        Ok(place)
+        Ok(namespaces)
     }
 
     /// Those that live, or are stopped.
@@ -114,7 +114,7 @@ impl Process {
     }
 }
 
-impl Drop for Place {
+impl Drop for Namespaces {
     fn drop(&mut self) {
         drop(self.keeper.stdin.take());
         // It ends when all others have, and a process that was not waited for does not.

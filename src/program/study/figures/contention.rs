@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::conditions::Conditions;
-use super::published;
-use super::traced::Traced;
+use crate::study::figures::conditions::Conditions;
+use crate::study::published;
+use crate::study::runs::traced::Traced;
 use machine::hardware::specification::{Bus, MemorySize, Processor};
 use machine::replay::contention::table::{ContentionTable, contention_table};
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
@@ -19,7 +19,7 @@ pub const SMALLEST: MemorySize = published::share(32);
 pub struct Contention {
     #[serde(flatten)]
     pub conditions: Conditions,
-    #[serde(serialize_with = "super::traffic::as_text")]
+    #[serde(serialize_with = "crate::study::figures::traffic::as_text")]
     pub local_memory: MemorySize,
     pub assignment: Assignment,
     pub processor: Processor,
@@ -51,14 +51,14 @@ impl Contention {
             tile_order: TileOrder::Scanline,
             assignment: Assignment::OnDemand,
             bus_width,
-            arbiter: traced.bus.arbiter,
+            arbiter: traced.run.bus.arbiter,
         };
         Ok(Self {
             conditions: Conditions::new(traced, line, setting.tile_order),
             local_memory: size,
             assignment: setting.assignment,
-            processor: traced.processor,
-            bus: Bus { width: bus_width, ..traced.bus },
+            processor: traced.run.processor,
+            bus: Bus { width: bus_width, ..traced.run.bus },
             table: contention_table(traced, setting, nodes, |_| {})?,
         })
     }
@@ -67,11 +67,11 @@ impl Contention {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::sample;
+    use crate::study::runs::fixture;
 
     #[test]
     fn more_nodes_are_faster_and_less_efficient_and_a_wider_bus_carries_more() {
-        let (_, traced) = sample::gears();
+        let (_, traced) = fixture::gears();
         let of = |width| Contention::new(&traced, published::share(8), 64, width, &[2, 4]).expect("in memory").table;
         let (narrow, wide) = (of(4), of(32));
         let [two, four] = narrow.rows[..] else { panic!("two rows") };

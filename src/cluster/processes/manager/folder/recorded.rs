@@ -4,7 +4,7 @@
 use std::io;
 use std::path::Path;
 
-use super::state::State;
+use crate::processes::manager::state::State;
 use crate::report::conservation::Check;
 use crate::topology::Topology;
 use crate::topology::recorded::open_references;
@@ -19,7 +19,7 @@ use trace::preparation::Prepared;
 ///
 /// # Errors
 /// The topology cannot be written as TOML.
-pub(super) fn seal(
+pub(in crate::processes::manager) fn seal(
     topology: &Topology,
     prepared: &Prepared,
     scene_sha256: &[u8; 32],
@@ -41,7 +41,7 @@ pub(super) fn seal(
 ///
 /// # Errors
 /// A file of the recording cannot be read or written; the error names it.
-pub(super) fn close(seal: &Seal, state: &State, folder: &Path) -> io::Result<Vec<Check>> {
+pub(in crate::processes::manager) fn close(seal: &Seal, state: &State, folder: &Path) -> io::Result<Vec<Check>> {
     seal.put(folder, state.tiles.queue.missing(), |tile| state.tiles.queue.accepted(tile.tile) == Some(tile.attempt))?;
     let opened = open_references(folder).map_err(io::Error::other)?;
     let mut checks = vec![Check::new("faults of the recorded references = 0", opened.faults.len() as u64, 0)];

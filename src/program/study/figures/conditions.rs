@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::traced::Traced;
+use crate::study::runs::traced::Traced;
 use machine::tile_order::TileOrder;
 use trace::tracer::octree::Octree;
 
@@ -21,8 +21,8 @@ pub struct Conditions {
 
 impl Conditions {
     pub fn new<T>(traced: &Traced<T>, line_bytes: u32, order: TileOrder) -> Self {
-        let database_bytes = traced.layout.image_bytes();
-        Self { scene: traced.scene.clone(), octree: traced.octree, database_bytes, line_bytes, order }
+        let database_bytes = traced.layout.database_bytes();
+        Self { scene: traced.run.scene.clone(), octree: traced.run.octree, database_bytes, line_bytes, order }
     }
 
     /// Scene and octree.

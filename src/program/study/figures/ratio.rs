@@ -46,7 +46,7 @@ impl Ratio {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use machine::replay::model::count::Counters;
+    use machine::replay::model::replayer::Counters;
 
     #[test]
     fn ratios_are_those_worked_by_hand() {

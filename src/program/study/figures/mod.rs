@@ -1,0 +1,7 @@
+//! What is found: one figure or table a file, and the conditions that stand beside each.
+
+pub mod conditions;
+pub mod contention;
+pub mod levels;
+pub mod ratio;
+pub mod traffic;

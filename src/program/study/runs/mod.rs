@@ -1,0 +1,7 @@
+//! Scenes that are traced once: the references that a figure is replayed from.
+
+pub mod kept;
+pub mod traced;
+
+#[cfg(test)]
+pub(super) mod fixture;
