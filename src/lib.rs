@@ -60,7 +60,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! `examples/` has these as programs, and a replacement policy of one's own. ARCHITECTURE.md has the code map.
+//! `examples/` has these as programs, a replacement policy of one's own, and, with the feature `testing`, a whole cluster in one
+//! process and in virtual time. ARCHITECTURE.md has the code map.
+
+#![deny(missing_docs)]
 
 #[cfg(target_endian = "big")]
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
@@ -88,4 +91,10 @@ pub mod machine {
 /// References replayed through other memories and buses.
 pub mod replay {
     pub use ::machine::replay::*;
+}
+
+/// A whole cluster in one process and in virtual time: the state machines of the real processes, and real memories and tracers.
+#[cfg(feature = "testing")]
+pub mod simulation {
+    pub use cluster::processes::simulation::*;
 }

@@ -1,8 +1,8 @@
 //! A schedule of faults. What is accepted prints as itself, and finds its places or says which it does not find.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use cluster::chaos::{Cast, FaultSchedule};
+use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {
     let Ok(schedule) = text.parse::<FaultSchedule>() else { return };

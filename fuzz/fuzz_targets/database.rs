@@ -5,18 +5,18 @@
 
 use std::sync::Arc;
 
-use libfuzzer_sys::fuzz_target;
-use trace::database::verify::Verified;
-use trace::database::{Database, Header, Layout, Normalisation, Section};
 use ground::ids::Address;
+use libfuzzer_sys::fuzz_target;
 use machine::hardware::cluster_memory::ClusterMemory;
 use machine::hardware::local_memory::{Geometry, LocalMemory};
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::{LocalMemory as Settings, MemorySize, Replacement};
+use marti_fuzz::{IMAGE, images, view_of};
+use trace::database::verify::Verified;
+use trace::database::{Database, Header, Layout, Normalisation, Section};
 use trace::picture::{AovSet, Rect};
 use trace::scene::Camera;
 use trace::tracer::{TileTracer, View};
-use marti_fuzz::{IMAGE, images, view_of};
 
 /// Traces as a node with 1 KiB does: what it reads is checked record by record, as it comes.
 fn unseen(header: &Header, bytes: &[u8], view: &View) {

@@ -1,9 +1,9 @@
 //! A stream of frames that arrives in pieces: the same frames as when all of it is there, and the same refusal.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use cluster::protocol::connection::read_buffer::ReadBuffer;
 use cluster::protocol::frame::{self, PREFIX_BYTES};
+use libfuzzer_sys::fuzz_target;
 
 const FRAME_BYTES_MAX: usize = 300;
 

@@ -1,11 +1,11 @@
 //! The display's journal. Reader and writer see the same records; after the writer has cut it, it is whole.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use ground::ids::Producer;
 use cluster::journal::{Journal, Next, Reader, Record, Start, Subject};
-use trace::picture::{AovSet, Sides, Tiling};
+use ground::ids::Producer;
+use libfuzzer_sys::fuzz_target;
 use marti_fuzz::with_file;
+use trace::picture::{AovSet, Sides, Tiling};
 
 const SUBJECT: Subject = Subject {
     tiling: Tiling::new(Sides { width: 5, height: 3, tile_width: 2, tile_height: 2 }).expect("possible"),

@@ -1,8 +1,8 @@
 //! The file of a role's certificate and key.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use cluster::keys::{Authority, Certificate, Identity, RoleKind};
+use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|pem: &str| {
     let identity = Identity { kind: RoleKind::Node, pem: pem.to_owned() };

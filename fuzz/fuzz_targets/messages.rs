@@ -1,7 +1,6 @@
 //! Every message of the wire: the first byte says which. What is decoded is encoded again, and that is decoded again.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use cluster::protocol::control::{
     Bootstrap, BusCommand, BusReport, DisplayCommand, DisplayReport, MasterCommand, MasterReport, NodeCommand,
     NodeReport,
@@ -12,6 +11,7 @@ use cluster::protocol::image::{ImageReply, TilePixels};
 use cluster::protocol::join::{JoinReply, JoinRequest};
 use cluster::protocol::memory::{MemoryReply, MemoryRequest};
 use cluster::protocol::work::{WorkReply, WorkRequest};
+use libfuzzer_sys::fuzz_target;
 
 fn decode<M: Message>(frame: &[u8]) {
     let Ok((message, bulk)) = frame::decode::<M>(frame) else { return };

@@ -1,11 +1,11 @@
 //! A recording of references: `references.json`, a NUL, the stream of node 0. All that is whole in it is read.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
+use cluster::topology::recorded::open_references;
 use ground::ids::{Epoch, NodeId};
+use libfuzzer_sys::fuzz_target;
 use machine::hardware::trace::Trace;
 use machine::recording::references::{SIDECAR_NAME, cut_torn_tails, file_name, scan};
-use cluster::topology::recorded::open_references;
 use marti_fuzz::{split, with_folder};
 
 fuzz_target!(|data: &[u8]| {

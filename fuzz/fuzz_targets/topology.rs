@@ -1,8 +1,8 @@
 //! A topology file, then overrides (`--set`), each behind a NUL. What is accepted is written, and reads back as it was.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use cluster::topology::{Override, Topology};
+use libfuzzer_sys::fuzz_target;
 use marti_fuzz::{split, with_file};
 
 fuzz_target!(|data: &[u8]| {

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use tempfile::TempDir;
 use trace::database::verify::Verified;
 use trace::picture::{AovSet, ImageSettings, Pixels};
 use trace::preparation::{self, Fallback};
@@ -12,7 +13,6 @@ use trace::tracer::View;
 use trace::tracer::bvh8::Bvh8;
 use trace::tracer::octree::{BuildParameters, build_database};
 use trace::tracer::simd::Simd;
-use tempfile::TempDir;
 
 thread_local! {
     /// Whoever starts the process says by TMPDIR where it is, and removes it.

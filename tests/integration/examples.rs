@@ -74,3 +74,16 @@ fn a_recording_is_read_and_replayed_as_recorded() {
     assert_eq!(rows.len(), 2 + 5);
     assert!(rows[2..].iter().all(|row| numbers(row).0 == accesses && numbers(row).1 > 0), "{rows:?}");
 }
+
+#[test]
+fn a_cluster_in_one_process_renders_the_renderer_s_image() {
+    let rows = lines(&mut example("cluster"));
+    let [_, first, second, bus, _, sha256] = &rows[..] else { panic!("{rows:?}") };
+    let (hits, misses) =
+        [numbers(first), numbers(second)].iter().fold((0, 0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
+    assert!(misses > 0 && hits > 10 * misses, "{rows:?}");
+    // Nothing went wrong: a fetch for every miss.
+    assert!(bus.starts_with(&format!("{misses} fetches, ")), "{rows:?}");
+    assert!(sha256.starts_with("sha256 "), "{rows:?}");
+    assert_eq!(rows, lines(&mut example("cluster")), "one seed is one course of events");
+}

@@ -4,9 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use trace::database::Section;
-use ground::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
 use cluster::journal::{Journal, Record, Subject};
+use ground::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
+use trace::database::Section;
 use trace::picture::{AovSet, Sides, Tiling};
 use trace::scene::load;
 use trace::tracer::octree::{BuildParameters, build_database};

@@ -38,6 +38,7 @@ pub enum Answer {
 
 type Event = driver::Event<Control>;
 type Action = driver::Action<Control>;
+type End = driver::End<Control>;
 
 #[derive(Debug, Default)]
 pub struct Control {
@@ -55,16 +56,28 @@ enum Phase {
     Over,
 }
 
-impl Control {
-    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<Option<BusTotals>, String> {
+impl Machine for Control {
+    type Command = BusCommand;
+    type Report = BusReport;
+    type Incoming = Never;
+    type Outgoing = Never;
+    type Task = Task;
+    type Answer = Answer;
+
+    const WAITING_MAX: usize = WAITING_MAX;
+    const FAILED: fn(String) -> BusReport = BusReport::Failed;
+
+    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
         match (&self.phase, event) {
             (Phase::Over, _) => {}
-            (_, Event::Failed(why)) => return Err(why),
+            (_, Event::Failed(why)) => return Err(End::Failed(why)),
             (Phase::Unconfigured, Event::Command(BusCommand::Configure(configuration))) => {
                 self.phase = Phase::Serving;
                 actions.extend([Action::Task(Task::Serve(configuration)), Action::Listen(Admission::BusClients)]);
             }
-            (Phase::Unconfigured, Event::Command(BusCommand::Finish { .. })) => return Ok(Some(BusTotals::default())),
+            (Phase::Unconfigured, Event::Command(BusCommand::Finish { .. })) => {
+                return Err(End::Done(BusReport::Finished(BusTotals::default())));
+            }
             (_, Event::Command(BusCommand::Configure(_))) => {
                 let incident = "configured twice: the second is not heeded".to_owned();
                 actions.push(Action::Report(BusReport::Incident(incident)));
@@ -80,40 +93,23 @@ impl Control {
                 tracing::warn!("{incident}");
                 actions.push(Action::Report(BusReport::Incident(incident)));
             }
-            (Phase::Finishing { .. }, Event::Answer(Answer::Ended(outcome))) => return outcome.map(Some),
-            (_, Event::Answer(Answer::Ended(Err(why)))) => return Err(why),
+            (Phase::Finishing { .. }, Event::Answer(Answer::Ended(Ok(totals)))) => {
+                return Err(End::Done(BusReport::Finished(totals)));
+            }
+            (_, Event::Answer(Answer::Ended(Err(why)))) => return Err(End::Failed(why)),
             (_, Event::Answer(Answer::Ended(Ok(_)))) => {
-                return Err("the thread that owns the memory connections has ended".to_owned());
+                return Err("the thread that owns the memory connections has ended".into());
             }
             (&Phase::Finishing { by }, Event::Deadline) if now >= by => {
-                return Err(format!("the recording was not closed within {} s", FINISH_DEADLINE.as_secs()));
+                return Err(format!("the recording was not closed within {} s", FINISH_DEADLINE.as_secs()).into());
             }
             _ => {}
         }
-        Ok(None)
+        Ok(())
     }
-}
 
-impl Machine for Control {
-    type Command = BusCommand;
-    type Report = BusReport;
-    type Incoming = Never;
-    type Outgoing = Never;
-    type Task = Task;
-    type Answer = Answer;
-
-    const WAITING_MAX: usize = WAITING_MAX;
-
-    fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
-        let mut actions = Vec::new();
-        let end = match self.step(now, event, &mut actions) {
-            Ok(None) => return actions,
-            Ok(Some(totals)) => (BusReport::Finished(totals), Ok(())),
-            Err(why) => (BusReport::Failed(why.clone()), Err(why)),
-        };
+    fn be_over(&mut self) {
         self.phase = Phase::Over;
-        actions.extend([Action::Report(end.0), Action::End(end.1)]);
-        actions
     }
 
     fn next_deadline(&self) -> Option<Duration> {
@@ -139,3 +135,7 @@ impl driver::Outgoing for Never {
         match *self {}
     }
 }
+
+#[cfg(test)]
+#[path = "control_tests.rs"]
+mod tests;

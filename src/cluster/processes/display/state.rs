@@ -65,6 +65,7 @@ impl Entry {
 
 type Event = driver::Event<State>;
 type Action = driver::Action<State>;
+type End = driver::End<State>;
 
 #[derive(Debug)]
 pub struct State {
@@ -86,18 +87,30 @@ impl State {
     pub fn new(run: RunId) -> Self {
         Self { run, phase: Phase::Unconfigured }
     }
+}
 
-    fn step(&mut self, event: Event, actions: &mut Vec<Action>) -> Result<(), String> {
+impl Machine for State {
+    type Command = DisplayCommand;
+    type Report = DisplayReport;
+    type Incoming = Incoming;
+    type Outgoing = Outgoing;
+    type Task = Task;
+    type Answer = Answer;
+
+    const WAITING_MAX: usize = WAITING_MAX;
+    const FAILED: fn(String) -> DisplayReport = DisplayReport::Failed;
+
+    fn step(&mut self, _now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
         match (&mut self.phase, event) {
             (Phase::Over, _) => {}
-            (_, Event::Failed(why)) => return Err(why),
+            (_, Event::Failed(why)) => return Err(End::Failed(why)),
             (Phase::Unconfigured, Event::Command(DisplayCommand::Configure(configuration))) => {
-                let composition = Composition::new(&configuration, self.run).map_err(|error| error.to_string())?;
+                let composition = Composition::new(&configuration, self.run)?;
                 self.phase = Phase::Restoring;
                 actions.push(Action::Task(Task::Restore(Box::new(composition), configuration)));
             }
             (Phase::Unconfigured, Event::Command(_)) => {
-                return Err("the manager sent something else than a configuration".to_owned());
+                return Err("the manager sent something else than a configuration".into());
             }
             (Phase::Restoring, Event::Answer(Answer::Restored(composition, dropped))) => {
                 actions.extend(dropped.map(|dropped| Action::Report(DisplayReport::Incident(dropped))));
@@ -116,32 +129,15 @@ impl State {
             }
             (Phase::Serving { composition, peers }, event) => serve(composition, peers, event, actions),
             (Phase::Writing, Event::Answer(Answer::Written(outcome))) => {
-                self.phase = Phase::Over;
-                actions.extend([Action::Report(DisplayReport::Finished(outcome?)), Action::End(Ok(()))]);
+                return Err(End::Done(DisplayReport::Finished(outcome?)));
             }
             (Phase::Unconfigured | Phase::Restoring | Phase::Writing, _) => {}
         }
         Ok(())
     }
-}
 
-impl Machine for State {
-    type Command = DisplayCommand;
-    type Report = DisplayReport;
-    type Incoming = Incoming;
-    type Outgoing = Outgoing;
-    type Task = Task;
-    type Answer = Answer;
-
-    const WAITING_MAX: usize = WAITING_MAX;
-
-    fn handle(&mut self, _now: Duration, event: Event) -> Vec<Action> {
-        let mut actions = Vec::new();
-        if let Err(why) = self.step(event, &mut actions) {
-            self.phase = Phase::Over;
-            actions.extend([Action::Report(DisplayReport::Failed(why.clone())), Action::End(Err(why))]);
-        }
-        actions
+    fn be_over(&mut self) {
+        self.phase = Phase::Over;
     }
 
     fn next_deadline(&self) -> Option<Duration> {
@@ -236,3 +232,7 @@ impl driver::Outgoing for Outgoing {
         Ok([&[]; 4])
     }
 }
+
+#[cfg(test)]
+#[path = "state_tests.rs"]
+mod tests;

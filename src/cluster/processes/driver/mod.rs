@@ -39,9 +39,31 @@ pub trait Machine: Sized {
     const WAITING_MAX: usize;
     /// Whether SIGTERM is [`Event::Terminate`]; if not, it ends the process.
     const LEAVES: bool = false;
+    /// The last report of a process that fails, of the reason.
+    const FAILED: fn(String) -> Self::Report;
 
     /// What is to be done about an event, in order. `now` is the time since any fixed moment.
-    fn handle(&mut self, now: Duration, event: Event<Self>) -> Vec<Action<Self>>;
+    fn handle(&mut self, now: Duration, event: Event<Self>) -> Vec<Action<Self>> {
+        let mut actions = Vec::new();
+        if let Err(end) = self.step(now, event, &mut actions) {
+            self.be_over();
+            let (report, outcome) = match end {
+                End::Done(report) => (report, Ok(())),
+                End::Failed(why) => (Self::FAILED(why.clone()), Err(why)),
+            };
+            actions.extend([Action::Report(report), Action::End(outcome)]);
+        }
+        actions
+    }
+
+    /// As [`Self::handle`], without the end.
+    ///
+    /// # Errors
+    /// The process is to end, after these actions.
+    fn step(&mut self, now: Duration, event: Event<Self>, actions: &mut Vec<Action<Self>>) -> Result<(), End<Self>>;
+
+    /// Nothing more is done about any event.
+    fn be_over(&mut self);
 
     /// When [`Event::Deadline`] is due if nothing happens before.
     fn next_deadline(&self) -> Option<Duration>;
@@ -132,6 +154,19 @@ pub enum Action<M: Machine> {
     Task(M::Task),
     /// The process ends, after all that was reported; why, if it is an error.
     End(Result<(), String>),
+}
+
+/// How a process ends.
+pub enum End<M: Machine> {
+    /// As it was asked to, with its last report.
+    Done(M::Report),
+    Failed(String),
+}
+
+impl<M: Machine, E: ToString> From<E> for End<M> {
+    fn from(error: E) -> Self {
+        Self::Failed(error.to_string())
+    }
 }
 
 /// Which roles a port lets in.

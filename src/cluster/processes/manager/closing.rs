@@ -153,7 +153,7 @@ fn kernel(state: &State) -> Option<Kernel> {
 }
 
 /// What crossed the buses that lived to tell; `None` where none did.
-fn bus(state: &State) -> Option<Bus> {
+pub(super) fn bus(state: &State) -> Option<Bus> {
     let totals = state.tiles.ledger.books.values().filter_map(|book| book.bus);
     totals.map(Bus::from).reduce(Bus::and)
 }
@@ -168,7 +168,7 @@ fn counted(state: &State) -> Vec<NodeBook> {
     book.collect()
 }
 
-fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
+pub(super) fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
     let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
     let node = (0..).zip(accounts).map(|(id, account)| Node {
         id,

@@ -8,12 +8,13 @@ use super::closing;
 use super::event::{Action, Event};
 use super::fixture;
 use super::state::State;
-use crate::report::Incident;
 use crate::report::conservation::Conservation;
+use crate::report::{Bus, Incident, Node};
 use crate::topology::Run;
 use ground::ids::{Attempt, RunId, TileId};
 use machine::hardware::specification::{Cluster, MemorySize};
 use trace::database::Header;
+use trace::picture::Tiling;
 use trace::tracer::View;
 
 /// The run that is rehearsed.
@@ -57,12 +58,13 @@ pub(in crate::processes) struct Queues {
 }
 
 impl Rehearsal {
-    pub(in crate::processes) fn start(play: &Play, header: &Header, view: View) -> (Self, Vec<Action>) {
+    /// Of this image of a database with this header, in as many tiles as the play says.
+    pub(in crate::processes) fn start(play: &Play, header: &Header, view: View, tiling: Tiling) -> (Self, Vec<Action>) {
         let mut plan = fixture::plan(play.nodes, play.tiles);
         plan.cluster = Cluster { count: play.clusters, nodes: play.nodes, ..plan.cluster };
         plan.cluster.local_memory.size = play.memory;
         plan.run = play.run;
-        (plan.header, plan.view) = (header.clone(), view);
+        (plan.header, plan.view, plan.tiling) = (header.clone(), view, tiling);
         let (state, actions) = State::start(plan);
         (Self { state }, actions)
     }
@@ -73,6 +75,11 @@ impl Rehearsal {
             actions.extend(self.state.handle(now, Event::Begun(Ok(()))));
         }
         actions
+    }
+
+    /// When [`Event::Tick`] is due; `None`: it is over.
+    pub(in crate::processes) fn next_deadline(&self) -> Option<Duration> {
+        self.state.next_deadline()
     }
 
     /// Tiles not done yet.
@@ -128,6 +135,16 @@ impl Rehearsal {
 
     pub(in crate::processes) fn incidents(&self) -> Vec<Incident> {
         self.state.supervision.incidents.all()
+    }
+
+    /// What each node did and counted.
+    pub(in crate::processes) fn nodes(&self) -> Vec<Node> {
+        closing::nodes(&self.state, self.state.supervision.plan.cluster.local_memory.line)
+    }
+
+    /// `None` when no bus lived to tell.
+    pub(in crate::processes) fn bus(&self) -> Option<Bus> {
+        closing::bus(&self.state)
     }
 
     /// `None` when no server lived to close its books.

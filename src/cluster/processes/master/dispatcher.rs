@@ -192,7 +192,7 @@ impl Dispatcher {
     }
 
     fn report_late(&mut self, now: Duration) {
-        for (node, seat) in (self.first_node.0..).map(NodeId).zip(&mut self.seats) {
+        for (node, seat) in nodes_from(self.first_node).zip(&mut self.seats) {
             let Some(epoch) = seat.epoch else { continue };
             if let Some(tile) = seat.late_tile(now, self.tile_deadline) {
                 self.actions.push(Action::Report(MasterReport::Late { node, epoch, tile }));
@@ -211,7 +211,7 @@ impl Dispatcher {
     fn finish(&mut self) {
         self.queue.clear();
         self.waiting.clear();
-        for (node, place) in (self.first_node.0..).map(NodeId).zip(0..self.seats.len()) {
+        for (node, place) in nodes_from(self.first_node).zip(0..self.seats.len()) {
             if let Some(epoch) = self.seats[place].epoch {
                 self.lose(NodeProcess { node, epoch });
             }
@@ -236,9 +236,9 @@ impl Dispatcher {
 
     /// Grants that are for none of the nodes that are left.
     fn give_back(&mut self) {
-        let (first, seats) = (self.first_node.0, &self.seats);
+        let (first, seats) = (self.first_node, &self.seats);
         let can_be_taken = |grant: &TileGrant| {
-            let mut nodes = (first..).map(NodeId).zip(seats);
+            let mut nodes = nodes_from(first).zip(seats);
             nodes.any(|(node, seat)| !seat.set_aside && may_trace(node, grant))
         };
         let returned: Vec<_> = self.queue.iter().filter(|grant| !can_be_taken(grant)).cloned().collect();
@@ -311,6 +311,11 @@ impl Dispatcher {
     fn incident(&mut self, text: String) {
         self.actions.push(Action::Report(MasterReport::Incident(text)));
     }
+}
+
+/// Up to the last one that can be.
+fn nodes_from(first: NodeId) -> impl Iterator<Item = NodeId> {
+    (first.0..=u16::MAX).map(NodeId)
 }
 
 fn may_trace(node: NodeId, grant: &TileGrant) -> bool {

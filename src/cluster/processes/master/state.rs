@@ -39,13 +39,10 @@ pub enum Outgoing {
 
 type Event = driver::Event<State>;
 type Action = driver::Action<State>;
+type End = driver::End<State>;
 
 #[derive(Debug, thiserror::Error)]
 pub enum MasterError {
-    #[error("{0}")]
-    Bus(String),
-    #[error("{0}")]
-    Port(String),
     #[error("the manager sent something else than a configuration")]
     NotConfigured,
     #[error("the manager's configuration has {nodes} nodes from node {first} on, expected 1 or more, up to node 65535")]
@@ -96,34 +93,6 @@ impl State {
             _ => 0,
         }
     }
-
-    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), MasterError> {
-        match (&mut self.phase, event) {
-            (Phase::Unconfigured, Event::Command(MasterCommand::Configure(configuration))) => {
-                self.phase = Phase::Working(Box::new(Work::begin(now, self.cluster, &configuration, actions)?));
-            }
-            (Phase::Unconfigured, Event::Command(_)) => return Err(MasterError::NotConfigured),
-            (Phase::Working(work), event) => {
-                work.step(now, self.cluster, event, actions)?;
-                if let Some(totals) = work.totals {
-                    actions.push(Action::Close(BUS));
-                    let is_flushed = work.bus_loss.is_some() || !work.bus_reached;
-                    self.phase = Phase::Closing(totals);
-                    if is_flushed {
-                        self.finish(totals, actions);
-                    }
-                }
-            }
-            (&mut Phase::Closing(totals), Event::Closed(BUS, _)) => self.finish(totals, actions),
-            (Phase::Unconfigured | Phase::Closing(_) | Phase::Over, _) => {}
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self, totals: MasterTotals, actions: &mut Vec<Action>) {
-        self.phase = Phase::Over;
-        actions.extend([Action::Report(MasterReport::Finished(totals)), Action::End(Ok(()))]);
-    }
 }
 
 impl Machine for State {
@@ -135,15 +104,33 @@ impl Machine for State {
     type Answer = Infallible;
 
     const WAITING_MAX: usize = WAITING_MAX;
+    const FAILED: fn(String) -> MasterReport = MasterReport::Incident;
 
-    fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
-        let mut actions = Vec::new();
-        if let Err(error) = self.step(now, event, &mut actions) {
-            self.phase = Phase::Over;
-            let why = error.to_string();
-            actions.extend([Action::Report(MasterReport::Incident(why.clone())), Action::End(Err(why))]);
+    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
+        match (&mut self.phase, event) {
+            (Phase::Unconfigured, Event::Command(MasterCommand::Configure(configuration))) => {
+                self.phase = Phase::Working(Box::new(Work::begin(now, self.cluster, &configuration, actions)?));
+            }
+            (Phase::Unconfigured, Event::Command(_)) => return Err(MasterError::NotConfigured.into()),
+            (Phase::Working(work), event) => {
+                work.step(now, self.cluster, event, actions)?;
+                if let Some(totals) = work.totals {
+                    actions.push(Action::Close(BUS));
+                    let is_flushed = work.bus_loss.is_some() || !work.bus_reached;
+                    self.phase = Phase::Closing(totals);
+                    if is_flushed {
+                        return Err(finished(totals));
+                    }
+                }
+            }
+            (&mut Phase::Closing(totals), Event::Closed(BUS, _)) => return Err(finished(totals)),
+            (Phase::Unconfigured | Phase::Closing(_) | Phase::Over, _) => {}
         }
-        actions
+        Ok(())
+    }
+
+    fn be_over(&mut self) {
+        self.phase = Phase::Over;
     }
 
     fn next_deadline(&self) -> Option<Duration> {
@@ -160,6 +147,10 @@ impl Machine for State {
             _ => frame::frame_bytes_max::<WorkRequest>(),
         }
     }
+}
+
+fn finished(totals: MasterTotals) -> End {
+    End::Done(MasterReport::Finished(totals))
 }
 
 impl Work {
@@ -187,13 +178,7 @@ impl Work {
         })
     }
 
-    fn step(
-        &mut self,
-        now: Duration,
-        cluster: ClusterId,
-        event: Event,
-        actions: &mut Vec<Action>,
-    ) -> Result<(), MasterError> {
+    fn step(&mut self, now: Duration, cluster: ClusterId, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
         match event {
             Event::Listening(address) => {
                 self.listens = Some(address);
@@ -203,12 +188,12 @@ impl Work {
                 self.bus_reached = true;
                 self.introduce(actions);
             }
-            Event::Closed(BUS, Some(Loss { why, .. })) if !self.bus_reached => return Err(MasterError::Bus(why)),
+            Event::Closed(BUS, Some(Loss { why, .. })) if !self.bus_reached => return Err(End::Failed(why)),
             Event::Closed(BUS, loss) => {
                 let closed = || format!("{} at {}: the connection was closed", Role::Bus(cluster), self.bus);
                 self.bus_loss.get_or_insert_with(|| loss.unwrap_or_else(|| Loss { why: closed(), is_breach: false }));
             }
-            Event::Failed(why) => return Err(MasterError::Port(why)),
+            Event::Failed(why) => return Err(End::Failed(why)),
             Event::Command(command) => self.handle(now, dispatcher::Event::Command(command), actions),
             Event::Refused(who) => self.handle(now, dispatcher::Event::Refused(who), actions),
             Event::Accepted(id, PeerId { role: Role::Node(node), epoch }) => {
@@ -364,8 +349,11 @@ mod tests {
             };
             assert!(why.contains("expected 1 or more, up to node 65535"), "{why}");
         }
-        let actions = at(&mut State::new(ClusterId(0)), 0, configure(65_535, 1));
-        assert!(actions.iter().all(|action| !matches!(action, Action::End(_))));
+        let mut last = State::new(ClusterId(0));
+        for event in [configure(65_535, 1), grant(0), Event::Deadline, Event::Command(MasterCommand::Finish)] {
+            let actions = at(&mut last, 0, event);
+            assert!(actions.iter().all(|action| !matches!(action, Action::End(Err(_)))));
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::time::Duration;
 use bytes::BytesMut;
 
 use super::corruption::Corruption;
-use super::tiles::{self, Job, Tiles, Traced, Violation};
+use super::tiles::{self, Job, Tiles, Traced};
 use crate::processes::driver::{self, ConnectionId, Loss, Machine};
 use crate::protocol::control::{NodeCommand, NodeConfiguration, NodeReport, Packets};
 use crate::protocol::frame::{self, CodecError};
@@ -61,13 +61,10 @@ pub enum Answer {
 
 type Event = driver::Event<State>;
 type Action = driver::Action<State>;
+type End = driver::End<State>;
 
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
-    #[error(transparent)]
-    Violation(#[from] Violation),
-    #[error("{0}")]
-    Master(String),
     #[error("the {0} closed the connection")]
     Left(Role),
     #[error("tracer: {0}")]
@@ -80,20 +77,8 @@ pub enum NodeError {
     NoDisplay { why: String },
 }
 
-/// How a node's work ends.
-#[derive(Debug)]
-enum End {
-    Finished,
-    /// It was asked to go, and holds no tile any more.
-    Left,
-    Failed(NodeError),
-}
-
-impl<E: Into<NodeError>> From<E> for End {
-    fn from(error: E) -> Self {
-        Self::Failed(error.into())
-    }
-}
+/// It was asked to go, and holds no tile any more.
+const LEFT: End = End::Done(NodeReport::Leaving);
 
 #[derive(Debug)]
 pub struct State {
@@ -138,31 +123,6 @@ impl State {
     pub fn new(role: Role) -> Self {
         Self { role, phase: Phase::Unconfigured, is_corrupt: false }
     }
-
-    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
-        if let Event::Command(NodeCommand::Corrupt) = event {
-            self.is_corrupt = true;
-            return Ok(());
-        }
-        match (&mut self.phase, event) {
-            (_, Event::Command(NodeCommand::Finish)) => Err(End::Finished),
-            (Phase::Unconfigured, Event::Command(NodeCommand::Configure(configuration))) => {
-                self.phase = Phase::Working(Box::new(Work::begin(now, configuration, actions)));
-                Ok(())
-            }
-            (Phase::Unconfigured, Event::Terminate) => Err(End::Left),
-            (Phase::Working(work), Event::Answer(Answer::Traced(mut traced))) => {
-                if self.is_corrupt {
-                    let tile = traced.done.tile;
-                    Corruption::of(self.role).flip_a_bit(Arc::make_mut(&mut traced.pixels), tile);
-                }
-                work.handle(now, tiles::Event::Traced(traced), actions)
-            }
-            (Phase::Working(work), event) => work.step(now, event, actions),
-            // The configuration will say which display there is.
-            (Phase::Unconfigured | Phase::Over, _) => Ok(()),
-        }
-    }
 }
 
 impl Machine for State {
@@ -175,19 +135,36 @@ impl Machine for State {
 
     const WAITING_MAX: usize = WAITING_MAX;
     const LEAVES: bool = true;
+    const FAILED: fn(String) -> NodeReport = NodeReport::Failed;
 
-    fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
-        let mut actions = Vec::new();
-        if let Err(end) = self.step(now, event, &mut actions) {
-            self.phase = Phase::Over;
-            let (report, outcome) = match end {
-                End::Finished => (NodeReport::Finished, Ok(())),
-                End::Left => (NodeReport::Leaving, Ok(())),
-                End::Failed(error) => (NodeReport::Failed(error.to_string()), Err(error.to_string())),
-            };
-            actions.extend([Action::Report(report), Action::End(outcome)]);
+    fn step(&mut self, now: Duration, event: Event, actions: &mut Vec<Action>) -> Result<(), End> {
+        if let Event::Command(NodeCommand::Corrupt) = event {
+            self.is_corrupt = true;
+            return Ok(());
         }
-        actions
+        match (&mut self.phase, event) {
+            (Phase::Over, _) => Ok(()),
+            (_, Event::Command(NodeCommand::Finish)) => Err(End::Done(NodeReport::Finished)),
+            (Phase::Unconfigured, Event::Command(NodeCommand::Configure(configuration))) => {
+                self.phase = Phase::Working(Box::new(Work::begin(now, configuration, actions)));
+                Ok(())
+            }
+            (Phase::Unconfigured, Event::Terminate) => Err(LEFT),
+            (Phase::Working(work), Event::Answer(Answer::Traced(mut traced))) => {
+                if self.is_corrupt {
+                    let tile = traced.done.tile;
+                    Corruption::of(self.role).flip_a_bit(Arc::make_mut(&mut traced.pixels), tile);
+                }
+                work.handle(now, tiles::Event::Traced(traced), actions)
+            }
+            (Phase::Working(work), event) => work.step(now, event, actions),
+            // The configuration will say which display there is.
+            (Phase::Unconfigured, _) => Ok(()),
+        }
+    }
+
+    fn be_over(&mut self) {
+        self.phase = Phase::Over;
     }
 
     fn next_deadline(&self) -> Option<Duration> {
@@ -256,7 +233,7 @@ impl Work {
                 self.handle(now, tiles::Event::Job { tile, attempt, permit }, actions)
             }
             Event::Closed(MASTER, None) => Err(NodeError::Left(Role::Master(self.cluster)).into()),
-            Event::Closed(MASTER, Some(Loss { why, .. })) => Err(NodeError::Master(why).into()),
+            Event::Closed(MASTER, Some(Loss { why, .. })) => Err(End::Failed(why)),
             Event::Dialled(id) if id == display => {
                 self.display.loss = None;
                 self.handle(now, tiles::Event::DisplayReached, actions)
@@ -280,7 +257,7 @@ impl Work {
 
     fn look(&self, now: Duration) -> Result<(), End> {
         if self.leave_by.is_some_and(|by| now >= by) {
-            return Err(End::Left);
+            return Err(LEFT);
         }
         if !self.tiles.awaits_display() || now < self.late {
             return Ok(());
@@ -314,7 +291,7 @@ impl Work {
                 }
             }
         }
-        if self.tiles.has_left() { Err(End::Left) } else { Ok(()) }
+        if self.tiles.has_left() { Err(LEFT) } else { Ok(()) }
     }
 
     /// Leaves whatever connection to a display there is, and makes another after a pause.

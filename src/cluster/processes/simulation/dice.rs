@@ -1,21 +1,39 @@
-//! Chance, from a seed.
+//! Chance: from a seed, or from bytes that somebody else has chosen.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
 #[derive(Clone, Debug)]
-pub(super) struct Dice(Pcg64);
+pub(super) enum Dice {
+    Seeded(Pcg64),
+    /// Zeros after the last one.
+    Bytes(VecDeque<u8>),
+}
 
 impl Dice {
     pub(super) fn new(seed: u64) -> Self {
-        Self(Pcg64::seed_from_u64(seed))
+        Self::Seeded(Pcg64::seed_from_u64(seed))
+    }
+
+    /// Whether there are no bytes left.
+    pub(super) fn is_spent(&self) -> bool {
+        matches!(self, Self::Bytes(bytes) if bytes.is_empty())
     }
 
     /// 0 to `count` - 1; 0 where there is nothing to choose from.
     pub(super) fn below(&mut self, count: u64) -> u64 {
-        self.0.next_u64() % count.max(1)
+        let number = match self {
+            Self::Seeded(generator) => generator.next_u64(),
+            Self::Bytes(bytes) => {
+                // As many as it takes.
+                let taken = (count.max(2) - 1).ilog2() as usize / 8 + 1;
+                (0..taken).fold(0, |number, _| number << 8 | u64::from(bytes.pop_front().unwrap_or_default()))
+            }
+        };
+        number % count.max(1)
     }
 
     /// Both ends included.

@@ -124,32 +124,32 @@ impl<M: Corruptible> Mischief<M> {
 }
 
 impl Invention {
-    fn tile(&mut self) -> TileId {
+    pub(super) fn tile(&mut self) -> TileId {
         // Some that do not exist.
         TileId(self.dice.below(u64::from(self.tiles) + 3) as u32)
     }
 
-    fn attempt(&mut self) -> Attempt {
+    pub(super) fn attempt(&mut self) -> Attempt {
         Attempt(if self.dice.chance(5) { u32::MAX } else { self.dice.below(2 * u64::from(self.tiles)) as u32 })
     }
 
-    fn node(&mut self) -> NodeId {
+    pub(super) fn node(&mut self) -> NodeId {
         NodeId(self.dice.below(u64::from(self.nodes) + 2) as u16)
     }
 
-    fn epoch(&mut self) -> Epoch {
+    pub(super) fn epoch(&mut self) -> Epoch {
         Epoch(self.dice.below(4) as u32)
     }
 
-    fn count(&mut self) -> u64 {
+    pub(super) fn count(&mut self) -> u64 {
         if self.dice.chance(30) { u64::MAX } else { self.dice.below(1000) }
     }
 
-    fn mac(&mut self) -> Mac {
+    pub(super) fn mac(&mut self) -> Mac {
         Mac::default()
     }
 
-    fn done(&mut self) -> Box<TileDone> {
+    pub(super) fn done(&mut self) -> Box<TileDone> {
         let trace =
             TraceStats { rays: [1, 0, 0, self.count()], primitive_tests: self.count(), ..TraceStats::default() };
         let memory = self.dice.chance(50).then(MemoryStats::default);
@@ -157,11 +157,11 @@ impl Invention {
         Box::new(TileDone { tile: self.tile(), attempt: self.attempt(), trace, memory, render_cpu_nanoseconds })
     }
 
-    fn lost(&mut self) -> Vec<LostAttempt> {
+    pub(super) fn lost(&mut self) -> Vec<LostAttempt> {
         (0..self.dice.below(4)).map(|_| LostAttempt { tile: self.tile(), attempt: self.attempt() }).collect()
     }
 
-    fn producer(&mut self) -> Producer {
+    pub(super) fn producer(&mut self) -> Producer {
         Producer { run: RunId(self.dice.below(3)), node: self.node(), epoch: self.epoch() }
     }
 }

@@ -8,7 +8,9 @@
 //!                                  promises: what must hold when it is over
 //! ```
 
+pub mod arbitrary;
 mod child;
+mod cluster;
 mod dice;
 mod files;
 mod host;
@@ -29,15 +31,13 @@ mod tests;
 
 use std::time::Duration;
 
+pub use self::cluster::{Cluster, Rendered};
+use self::scenery::Scenery;
 pub use self::schedule::{Schedule, What};
 pub use self::stopwatch::Clock;
 pub use self::world::Recovery;
 use self::world::World;
 pub use super::manager::rehearsal::End;
-
-/// A run that goes on for longer hangs.
-const DEADLINE: Duration = Duration::from_secs(6 * 3600);
-const STEPS_MAX: u64 = 20_000_000;
 
 /// What came of a schedule.
 #[derive(Clone, Debug)]
@@ -68,11 +68,9 @@ pub struct Outcome {
 
 /// Rehearses a schedule to its end. `clock` measures what deciding costs.
 pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
-    let mut world = World::new(schedule, clock);
-    let mut steps = 0;
-    while world.manager.end().is_none() && world.network.now < DEADLINE && steps < STEPS_MAX && world.step() {
-        steps += 1;
-    }
+    let scenery = Scenery::spheres(schedule.tiles());
+    let mut world = World::new(schedule, &scenery, clock);
+    world.run();
     Outcome {
         end: world.manager.end(),
         took: world.network.now,

@@ -1,4 +1,5 @@
-//! What is rendered: 27 spheres, some of them mirrors, seen in one row of pixels, each of them a tile.
+//! What is rendered; where nothing else is asked for, 27 spheres, some of them mirrors, seen in one row of pixels, each of them a
+//! tile.
 
 use std::sync::OnceLock;
 
@@ -7,11 +8,26 @@ use glam::DVec3;
 use ground::ids::TileId;
 use trace::database::verify::Verified;
 use trace::picture::AovSet;
-use trace::picture::{ImageSettings, Rect};
+use trace::picture::{ImageSettings, Rect, Sides, Tiling};
 use trace::scene::{Camera, Light, Material, Scene, Sphere};
 use trace::tracer::octree::{BuildParameters, build_database};
 use trace::tracer::slices::Slices;
 use trace::tracer::{TileTracer, View};
+
+/// A database, and an image of it.
+#[derive(Clone, Debug)]
+pub(super) struct Scenery {
+    pub(super) database: Verified,
+    pub(super) view: View,
+    pub(super) tiling: Tiling,
+}
+
+impl Scenery {
+    pub(super) fn spheres(tiles: u32) -> Self {
+        let tiling = Tiling::new(Sides { width: tiles, height: 1, tile_width: 1, tile_height: 1 });
+        Self { database: database().clone(), view: view(tiles), tiling: tiling.expect("possible") }
+    }
+}
 
 /// The database, made once.
 pub(in crate::processes) fn database() -> &'static Verified {
@@ -29,10 +45,6 @@ pub(in crate::processes) fn database() -> &'static Verified {
         };
         build_database(&scene, BuildParameters { leaf_size: 2, max_depth: 8 }).expect("a small scene")
     })
-}
-
-pub(super) fn words() -> &'static [u32] {
-    &database().database().words
 }
 
 /// So many pixels wide.

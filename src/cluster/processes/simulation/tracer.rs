@@ -9,12 +9,11 @@ use std::time::Duration;
 use super::dice::hash;
 use super::host::{Desk, Worker};
 use super::network::{Message, Parcel, Timer, Wire};
-use super::scenery;
 use crate::processes::node::state::{Answer, State, Task};
 use crate::processes::node::tiles::{Job, Traced};
 use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::frame::{self, PREFIX_BYTES};
-use crate::protocol::memory::{MemoryReply, MemoryRequest};
+use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::protocol::work::TileDone;
 use ground::ids::{Address, TileId};
 use machine::hardware::cluster_memory::ClusterMemory;
@@ -22,6 +21,7 @@ use machine::hardware::local_memory::{Geometry, LineSource, LocalMemory};
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::MemorySize;
 use machine::hardware::transaction::{FetchRequest, PIXEL_BYTES};
+use trace::database::verify::Verified;
 use trace::tracer::TileTracer;
 use trace::tracer::simd::Simd;
 use trace::tracer::slices::Slices;
@@ -29,8 +29,9 @@ use trace::tracer::slices::Slices;
 /// For the bus to answer the hello.
 const BUS_DEADLINE: Duration = Duration::from_secs(10);
 
-#[derive(Default)]
 pub(super) struct Tracer {
+    /// What the bus is to answer is known here.
+    database: Verified,
     configuration: Option<Box<NodeConfiguration>>,
     bus: Option<Wire>,
     bus_reached: bool,
@@ -74,12 +75,24 @@ fn takes(tile: TileId) -> Duration {
 }
 
 impl Tracer {
+    pub(super) fn new(database: Verified) -> Self {
+        Self {
+            database,
+            configuration: None,
+            bus: None,
+            bus_reached: false,
+            local: None,
+            jobs: VecDeque::new(),
+            under_way: None,
+        }
+    }
+
     fn start(&mut self, configuration: Box<NodeConfiguration>) -> Result<(), String> {
         if configuration.local_memory.size != MemorySize::All {
             let layout = &configuration.header.layout;
             let geometry = Geometry::new(&configuration.local_memory, layout).map_err(|error| error.to_string())?;
             let mut memory = ClusterMemory::new(layout);
-            memory.store(Address(0), scenery::database().database().bytes()).map_err(|error| error.to_string())?;
+            memory.store(Address(0), self.database.database().bytes()).map_err(|error| error.to_string())?;
             let copied = Copied { memory, fetched: Vec::new() };
             self.local = Some(LocalMemory::new(geometry, layout, configuration.seed, copied));
         }
@@ -93,9 +106,12 @@ impl Tracer {
         if self.local.is_some() {
             return vec![Answer::Ready(None)];
         }
-        let image = scenery::database().database().bytes().to_vec();
-        let bytes = image.len() as u32;
-        let requests = VecDeque::from([(MemoryRequest::Bulk { address: Address(0), bytes }, image)]);
+        let pieces = self.database.database().bytes().chunks(BULK_BYTES_MAX as usize);
+        let request = |(i, piece): (usize, &[u8])| {
+            let address = Address(i as u64 * u64::from(BULK_BYTES_MAX));
+            (MemoryRequest::Bulk { address, bytes: piece.len() as u32 }, piece.to_vec())
+        };
+        let requests = pieces.enumerate().map(request).collect();
         self.under_way = Some(UnderWay { traced: None, requests });
         self.ask(desk)
     }
@@ -120,7 +136,7 @@ impl Tracer {
                 (pixels, trace, Some(memory), std::mem::take(&mut local.source_mut().fetched))
             }
             None => {
-                let Ok((pixels, trace)) = tracer.trace(&mut Slices::new(scenery::database()), rect, *aov);
+                let Ok((pixels, trace)) = tracer.trace(&mut Slices::new(&self.database), rect, *aov);
                 (pixels, trace, None, Vec::new())
             }
         };

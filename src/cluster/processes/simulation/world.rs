@@ -10,7 +10,7 @@ use super::host::Host;
 use super::memory::Memory;
 use super::network::{Actor, MANAGER, Message, Network, Occurrence, Parcel, Timer, Trouble, Wire};
 use super::roles::{Body, NoTasks};
-use super::scenery;
+use super::scenery::Scenery;
 use super::schedule::{Schedule, What};
 use super::stopwatch::{Clock, Stopwatch};
 use super::tracer::Tracer;
@@ -24,17 +24,21 @@ use crate::processes::node::state as node;
 use crate::protocol::control::{BusReport, DisplayReport, MasterReport, NodeReport};
 use crate::protocol::frame::{self, PREFIX_BYTES};
 use crate::protocol::hello::Role;
-use crate::protocol::memory::{MemoryReply, MemoryRequest};
+use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use ground::ids::{Address, Epoch};
 
 /// As in the manager's shell and its port.
 const TICK: Duration = Duration::from_millis(50);
 const COMMANDS_MAX: usize = 256;
+/// A run that goes on for longer hangs.
+const DEADLINE: Duration = Duration::from_secs(6 * 3600);
+const STEPS_MAX: u64 = 20_000_000;
 const HEARTBEATS: u32 = 4;
 const MYSELF: ProcessId = ProcessId { role: Role::Manager, epoch: Epoch(0) };
 
 pub(super) struct World<'a> {
     schedule: &'a Schedule,
+    scenery: &'a Scenery,
     pub(super) network: Network,
     pub(super) manager: Rehearsal,
     pub(super) watch: Stopwatch,
@@ -48,7 +52,7 @@ pub(super) struct World<'a> {
     expected: HashSet<ProcessId>,
     controls: HashMap<ProcessId, Wire>,
     peers: HashMap<Wire, ProcessId>,
-    uploads: HashMap<Wire, ProcessId>,
+    uploads: HashMap<Wire, Upload>,
     armed: Vec<bool>,
     /// When faults happened after which no tile has been done yet.
     unrecovered: Vec<Recovery>,
@@ -61,6 +65,14 @@ pub(super) struct World<'a> {
     pub(super) most: Queues,
     /// Most tiles that a master had, queued or handed out, per node.
     pub(super) tiles_a_node: usize,
+}
+
+/// Of the database into a bus.
+#[derive(Clone, Copy, Debug)]
+struct Upload {
+    bus: ProcessId,
+    /// Bytes that were sent.
+    sent: usize,
 }
 
 /// From a fault to the next tile that was done.
@@ -76,11 +88,12 @@ pub struct Recovery {
 }
 
 impl<'a> World<'a> {
-    pub(super) fn new(schedule: &'a Schedule, clock: Option<Clock>) -> Self {
-        let (manager, actions) =
-            Rehearsal::start(&schedule.play, &scenery::database().database().header, scenery::view(schedule.tiles()));
+    pub(super) fn new(schedule: &'a Schedule, scenery: &'a Scenery, clock: Option<Clock>) -> Self {
+        let Scenery { database, view, tiling } = scenery;
+        let (manager, actions) = Rehearsal::start(&schedule.play, &database.database().header, view.clone(), *tiling);
         let mut world = Self {
             schedule,
+            scenery,
             network: Network::new(schedule.seed),
             manager,
             watch: Stopwatch::new(clock),
@@ -106,8 +119,16 @@ impl<'a> World<'a> {
         world
     }
 
+    /// To the end of the run, if it has one.
+    pub(super) fn run(&mut self) {
+        let mut steps = 0;
+        while self.manager.end().is_none() && self.network.now < DEADLINE && steps < STEPS_MAX && self.step() {
+            steps += 1;
+        }
+    }
+
     /// The next thing happens. `false`: nothing can.
-    pub(super) fn step(&mut self) -> bool {
+    fn step(&mut self) -> bool {
         match self.network.next() {
             Some(Occurrence::Arrived(MANAGER, wire, parcel)) => self.receive(wire, parcel),
             Some(Occurrence::Arrived(actor, wire, parcel)) => self.arrived(actor, wire, parcel),
@@ -161,7 +182,7 @@ impl<'a> World<'a> {
                 Action::Upload(id, address) => {
                     let deadline = self.schedule.play.run.deadlines.startup;
                     let wire = self.network.dial(MANAGER, MYSELF, address, deadline);
-                    self.uploads.insert(wire, id);
+                    self.uploads.insert(wire, Upload { bus: id, sent: 0 });
                 }
             }
         }
@@ -190,7 +211,8 @@ impl<'a> World<'a> {
                 Body::Display(Box::new(Host::new(child, display::State::new(rehearsal::RUN), files, hostile)))
             }
             Role::Node(_) | Role::Manager => {
-                Body::Node(Box::new(Host::new(child, node::State::new(id.role), Tracer::default(), hostile)))
+                let tracer = Tracer::new(self.scenery.database.clone());
+                Body::Node(Box::new(Host::new(child, node::State::new(id.role), tracer, hostile)))
             }
         }));
     }
@@ -212,8 +234,8 @@ impl<'a> World<'a> {
 
     /// What comes for the manager.
     fn receive(&mut self, wire: Wire, parcel: Parcel) {
-        if let Some(&bus) = self.uploads.get(&wire) {
-            return self.receive_upload(wire, bus, &parcel);
+        if let Some(&upload) = self.uploads.get(&wire) {
+            return self.receive_upload(wire, upload, &parcel);
         }
         match parcel {
             Parcel::Hello(id) if self.expected.remove(&id) => {
@@ -240,18 +262,14 @@ impl<'a> World<'a> {
         }
     }
 
-    fn receive_upload(&mut self, wire: Wire, bus: ProcessId, parcel: &Parcel) {
+    fn receive_upload(&mut self, wire: Wire, Upload { bus, sent }: Upload, parcel: &Parcel) {
         let event = match parcel {
-            Parcel::Welcome => {
-                let store = MemoryRequest::Store { address: Address(0) };
-                let image = bytemuck::cast_slice(scenery::words());
-                if let Ok(frame) = frame::encode(&store, image) {
-                    self.network.send(MANAGER, wire, Message::Frame(frame));
-                }
-                return;
-            }
+            Parcel::Welcome => return self.upload(wire, bus, 0),
             Parcel::Message(Message::Frame(reply)) => {
                 match frame::decode(reply.get(PREFIX_BYTES..).unwrap_or_default()) {
+                    Ok((MemoryReply::Stored, _)) if sent < self.scenery.database.database().bytes().len() => {
+                        return self.upload(wire, bus, sent);
+                    }
                     Ok((MemoryReply::Stored, _)) => Event::Uploaded(bus),
                     reply => Event::UploadFailed(bus, format!("{reply:?}")),
                 }
@@ -264,6 +282,17 @@ impl<'a> World<'a> {
         self.handle(event);
     }
 
+    /// The next piece of the database, from this byte on.
+    fn upload(&mut self, wire: Wire, bus: ProcessId, from: usize) {
+        let image = self.scenery.database.database().bytes();
+        let to = image.len().min(from + BULK_BYTES_MAX as usize);
+        let store = MemoryRequest::Store { address: Address(from as u64) };
+        if let Ok(frame) = frame::encode(&store, &image[from..to]) {
+            self.network.send(MANAGER, wire, Message::Frame(frame));
+        }
+        self.uploads.insert(wire, Upload { bus, sent: to });
+    }
+
     fn timer(&mut self, timer: Timer) {
         match timer {
             Timer::Tick => {
@@ -271,7 +300,7 @@ impl<'a> World<'a> {
                 self.handle(Event::Tick);
             }
             Timer::Dialled(wire) => {
-                if let Some(bus) = self.uploads.remove(&wire) {
+                if let Some(Upload { bus, .. }) = self.uploads.remove(&wire) {
                     self.network.close(MANAGER, wire);
                     self.handle(Event::UploadFailed(bus, "does not answer".to_owned()));
                 }

@@ -16,6 +16,8 @@ pub(crate) struct Display {
     pub(crate) address: Option<SocketAddr>,
     /// Since the last tile done.
     pub(super) failures: u32,
+    /// Whether the first process has reported what it restored.
+    has_begun: bool,
     /// Whether it has reported what it holds, and with that everything it found before; `None`: it was not asked since
     /// something changed.
     has_told_all: Option<bool>,
@@ -43,6 +45,11 @@ impl Display {
         for node in supervision.those(|process| process.id.node().is_some() && is_configured(process.stage)) {
             supervision.tell(node, Command::Node(NodeCommand::Display(address)));
         }
+    }
+
+    /// Whether this is the first process's first report of what it restored, which is where the run begins.
+    pub(super) fn begins(&mut self) -> bool {
+        self.epoch == Epoch(0) && !std::mem::replace(&mut self.has_begun, true)
     }
 
     /// It is dead: another one takes its place.

@@ -2,10 +2,11 @@
 
 use super::super::cause::Cause;
 use super::super::event::{Action, Event};
+use super::super::fixture;
 use super::super::process::{Command, ProcessId, Report};
 use super::tests::{BUS, DISPLAY, MASTER, Stage, address, finish_display, granted, holdings, node};
-use crate::protocol::control::{BusReport, DisplayCommand, DisplayReport, MasterReport, NodeCommand};
-use ground::ids::Epoch;
+use crate::protocol::control::{BusReport, DisplayCommand, DisplayReport, Holdings, MasterReport, NodeCommand, Share};
+use ground::ids::{Epoch, Producer, TileId};
 use machine::hardware::totals::{BusTotals, MasterTotals};
 
 #[test]
@@ -84,4 +85,38 @@ fn a_tile_that_the_display_does_not_have_is_not_done_whatever_was_reported() {
     // An answer to the first question, which was long under way.
     let stale = DisplayReport::Holdings { question: 1, holdings: holdings([true; 2]) };
     assert!(stage.display(stale).is_empty());
+}
+
+/// Found by `simulation::arbitrary`: with verification, the tile was to be done once more, and there is no such tile.
+#[test]
+fn a_display_that_has_a_tile_beyond_the_image_is_killed() {
+    let mut plan = fixture::plan(1, 2);
+    plan.run.verify = 1.0;
+    let share = Share { producer: Producer::default(), tiles: 1, latest: TileId(2) };
+    let impossible = || Holdings { shares: vec![share], ..holdings([true; 2]) };
+    let mut stage = Stage::configured(plan, 2);
+    assert_eq!(stage.display(DisplayReport::Restored(impossible())), [Action::Kill(DISPLAY)]);
+    stage.exits(DISPLAY);
+    assert_eq!(stage.incidents(), ["the display has tile 2 of an image of 2"]);
+}
+
+/// Found by `simulation::arbitrary`: each such report asked for all comparisons once more.
+#[test]
+fn what_a_display_restored_is_verified_once_however_often_it_reports_it() {
+    let mut plan = fixture::plan(1, 4);
+    plan.run.verify = 1.0;
+    let mut stage = Stage::restored(plan, holdings([true, true, false, false]));
+    for _ in 0..3 {
+        stage.display(DisplayReport::Restored(holdings([true, true, false, false])));
+    }
+    assert_eq!((stage.state.tiles.queue.waiting_checks(), stage.state.tiles.ledger.resumed), (2, 2));
+}
+
+#[test]
+fn a_run_that_is_over_does_nothing_more() {
+    let mut stage = Stage::running(1, 2);
+    stage.all_exit(&[DISPLAY, ProcessId { epoch: Epoch(1), ..DISPLAY }, ProcessId { epoch: Epoch(2), ..DISPLAY }]);
+    stage.all_exit(&[node(0, 0), BUS, MASTER]);
+    assert!(stage.state.over().is_some() && stage.state.next_deadline().is_none());
+    assert!(stage.bus(BusReport::Listening(address(7))).is_empty() && stage.happens(Event::Tick).is_empty());
 }

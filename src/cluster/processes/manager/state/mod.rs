@@ -75,6 +75,9 @@ impl State {
 
     /// What is to be done about an event, in order. `now` is the time since the run began.
     pub(super) fn handle(&mut self, now: Duration, event: Event) -> Vec<Action> {
+        if self.over().is_some() {
+            return Vec::new();
+        }
         self.supervision.now = now;
         match event {
             Event::Connected(id) => self.connected(id),
@@ -172,10 +175,16 @@ impl State {
     }
 
     fn told_by_display(&mut self, id: ProcessId, report: DisplayReport) {
+        if let DisplayReport::Restored(holdings) | DisplayReport::Holdings { holdings, .. } = &report {
+            let total = self.tiles.queue.total();
+            if let Some(share) = holdings.shares.iter().find(|share| share.latest.0 >= total) {
+                return self.supervision.kill(id, format!("has {} of an image of {total}", share.latest));
+            }
+        }
         match report {
             DisplayReport::Heartbeat | DisplayReport::Incident(_) => {}
             DisplayReport::Failed(why) => self.supervision.kill(id, format!("failed: {why}")),
-            DisplayReport::Restored(holdings) if self.display.epoch == Epoch(0) => self.tiles.resume(&holdings),
+            DisplayReport::Restored(holdings) if self.display.begins() => self.tiles.resume(&holdings),
             DisplayReport::Restored(holdings) => self.require(&holdings, "the journal"),
             DisplayReport::Listening(address) => {
                 self.display.listens(id, address, &mut self.supervision);

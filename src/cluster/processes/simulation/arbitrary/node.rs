@@ -1,0 +1,87 @@
+//! What a node may be given.
+
+use std::sync::Arc;
+
+use super::super::mischief::Invention;
+use super::super::scenery::Scenery;
+use super::machine::{Arbitrary, TILES};
+use crate::processes::driver::PeerId;
+use crate::processes::node::state::{Answer, Incoming, Outgoing, State, Task};
+use crate::processes::node::tiles::Traced;
+use crate::protocol::control::{NodeCommand, NodeConfiguration, Packets};
+use crate::protocol::hello::Role;
+use crate::protocol::image::ImageReply;
+use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply};
+use ground::ids::{ClusterId, NodeId};
+use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
+use trace::picture::{AovSet, Pixels};
+use trace::tracer::octree::Octree;
+use trace::tracer::simd::Simd;
+
+impl Arbitrary for State {
+    /// To start and to trace.
+    const TASKS_MAX: usize = 1 + JOBS_PER_NODE;
+
+    fn begin() -> Self {
+        Self::new(Role::Node(NodeId(0)))
+    }
+
+    fn command(invention: &mut Invention) -> NodeCommand {
+        let [master, bus, display] = [(); 3].map(|()| ([127, 0, 0, 1], invention.dice.below(9) as u16).into());
+        match invention.dice.below(16) {
+            0 => NodeCommand::Finish,
+            1 => NodeCommand::Corrupt,
+            2..7 => NodeCommand::Display(display),
+            _ => NodeCommand::Configure(Box::new(configuration([master, bus, display]))),
+        }
+    }
+
+    fn message(invention: &mut Invention, peer: PeerId, sent: &[Outgoing]) -> Option<Incoming> {
+        if let Role::Master(_) = peer.role {
+            let (tile, attempt, permit) = (invention.tile(), invention.attempt(), invention.mac());
+            return Some(Incoming::Work(WorkReply::Job { tile, attempt, permit }));
+        }
+        if invention.dice.chance(2) {
+            return Some(Incoming::Image(ImageReply::Refused("no".to_owned())));
+        }
+        let (mut tile, mut attempt, receipt) = (invention.tile(), invention.attempt(), invention.mac());
+        if invention.dice.chance(95) {
+            let Some(Outgoing::Pixels { tile: sent, attempt: of, .. }) = sent.first() else { return None };
+            (tile, attempt) = (*sent, *of);
+        }
+        Some(Incoming::Image(ImageReply::Acknowledged { tile, attempt, receipt }))
+    }
+
+    fn answer(invention: &mut Invention, task: Task) -> Answer {
+        match task {
+            _ if invention.dice.chance(5) => Answer::Failed("a failure".to_owned()),
+            Task::Start(_) => {
+                let packets = Packets { simd: Simd::Scalar, derived_bytes: invention.count() };
+                Answer::Ready(invention.dice.chance(50).then_some(packets))
+            }
+            Task::Trace(job) => {
+                let done = TileDone { tile: job.tile, attempt: job.attempt, ..*invention.done() };
+                let pixels = Arc::new(Pixels { colour: vec![[0.5; 3]], ..Pixels::default() });
+                Answer::Traced(Traced { done: Box::new(done), pixels, permit: job.permit })
+            }
+        }
+    }
+}
+
+fn configuration([master, bus, display]: [std::net::SocketAddr; 3]) -> NodeConfiguration {
+    let Scenery { database, view, tiling } = Scenery::spheres(TILES);
+    NodeConfiguration {
+        cluster: ClusterId(0),
+        master,
+        bus,
+        display,
+        header: database.database().header.clone(),
+        view,
+        tiling,
+        aov: AovSet::default(),
+        octree: Octree::DEFAULT,
+        local_memory: LocalMemory { size: MemorySize::All, line: 64, ways: None, replacement: Replacement::Lru },
+        seed: 1,
+        references: None,
+    }
+}
