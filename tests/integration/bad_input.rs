@@ -154,6 +154,11 @@ const CASES: &[Case] = &[
         &[],
         &["render", "gears", "--kernel", "single", "--simd", "sse2"],
     ),
+    (
+        "command line: a report in the place of the image",
+        &[],
+        &["render", "gears", "--output", "out/a.png", "--report", "out/a.png"],
+    ),
     ("command line: unknown vector instructions", &[], &["render", "gears", "--simd", "neon"]),
     ("command line: nothing to verify", &[], &["verify"]),
     ("command line: a scene and closed meshes", &[], &["verify", "gears", "--watertight"]),

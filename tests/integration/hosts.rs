@@ -170,6 +170,7 @@ fn everything_can_join_and_nodes_come_late_leave_and_come_again() {
     assert_eq!(sha256(&report), sha256(&undisturbed));
     assert_eq!(report["conservation"]["holds"], true, "{}", report["conservation"]);
     assert!(incidents(&report).contains("left, as it was asked to"), "{}", incidents(&report));
+    assert_eq!((number(&report, "tiles.reissued"), number(&report, "tiles.stale")), (0, 0), "what it held was done");
     assert!(report["nodes"].as_array().expect("nodes").iter().filter(|node| number(node, "tiles") > 0).count() >= 2);
     for process in servers.iter_mut().chain([&mut late, &mut again]) {
         assert_eq!(process.code(), Some(0), "the run ended well");

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
@@ -284,4 +284,24 @@ fn pyarrow_and_numpy_count_what_the_report_says() {
     assert_eq!(counted["tests"], report["tests"]["primitive"]);
     assert_eq!(counted["tiles"], report["tiles"]["total"]);
     assert_eq!(counted["deepest"], report["octree"]["depth"]);
+}
+
+/// Before anything was recorded there is no recording to close, and a signal stays a signal.
+#[test]
+fn a_run_that_is_interrupted_before_it_records_anything_says_so() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    for (attempt, milliseconds) in [5, 10, 15, 20, 25, 30, 40].into_iter().enumerate() {
+        let out = folder.path().join(attempt.to_string());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_marti"));
+        command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["run", TEAPOT, "--record", "references", "--out"]);
+        let run = command.arg(&out).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("it can be started");
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        signal(run.id(), Signal::SIGTERM);
+        let output = run.wait_with_output().expect("it ends");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!said.contains("cannot be closed"), "after {milliseconds} ms: {said}");
+        // Before it has said that it takes signals, one ends it; a quick machine is done before.
+        let ended = output.status.code();
+        assert!([None, Some(143), Some(0)].contains(&ended), "after {milliseconds} ms: {ended:?}: {said}");
+    }
 }

@@ -93,6 +93,13 @@ impl RenderArguments {
     pub fn image(&self) -> PathBuf {
         self.output.clone().unwrap_or_else(|| PathBuf::from(self.scene.name() + ".png"))
     }
+
+    /// It and what may be written beside it.
+    fn image_files(&self) -> Vec<PathBuf> {
+        let image = self.image();
+        let beside = ["t.npy", "n.npy", "prim.npy", "exr"].map(|extension| image.with_extension(extension));
+        [image].into_iter().chain(beside).collect()
+    }
 }
 
 pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
@@ -100,6 +107,11 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let packets = arguments.kernel == KernelName::Packets;
     if !packets && arguments.simd.is_some() {
         return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
+    }
+    if let Some(report) = &arguments.report
+        && arguments.image_files().contains(report)
+    {
+        return Err(Failure::bad_input(format!("--report {}: the image is written to this file", report.display())));
     }
     let octree = arguments.octree();
     let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {

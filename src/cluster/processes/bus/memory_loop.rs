@@ -23,6 +23,8 @@ use machine::recording::{RecordingError, Writer};
 const WAKE: Token = Token(usize::MAX);
 const EVENTS_MAX: usize = 512;
 const COMMANDS_MAX: usize = 64;
+/// Rounds between two looks at the sockets: a client that never stops asking must not keep the others from being heard.
+const ROUNDS_MAX: u32 = 256;
 /// How often to look at what no event tells, while there is such.
 const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
@@ -154,7 +156,7 @@ impl MemoryLoop {
         let mut events = Events::with_capacity(EVENTS_MAX);
         loop {
             let told = self.turn(&mut events, self.timeout(), beacon)?;
-            if events.is_empty() {
+            if events.is_empty() && self.ready.is_empty() {
                 self.recording.flush()?;
                 self.unflushed = false;
             }
@@ -194,6 +196,9 @@ impl MemoryLoop {
 
     /// The next look at what no event tells: peers that do not read, rows that wait for more rows.
     fn timeout(&self) -> Option<Duration> {
+        if !self.ready.is_empty() {
+            return Some(Duration::ZERO);
+        }
         (self.unflushed || self.clients.iter().flatten().any(Client::is_stuck)).then_some(LOOK_PERIOD)
     }
 
@@ -204,9 +209,13 @@ impl MemoryLoop {
         }
     }
 
-    /// Rounds until nobody has a request: one request of each who has, all of them in the arbiter's order.
+    /// Rounds until there is no request, or [`ROUNDS_MAX`]: one request of each client that has one, all of them in the
+    /// arbiter's order.
     fn serve(&mut self, beacon: &Beacon) -> Result<(), RecordingError> {
-        while !self.ready.is_empty() {
+        for _ in 0..ROUNDS_MAX {
+            if self.ready.is_empty() {
+                break;
+            }
             beacon.turn();
             let mut ready = std::mem::take(&mut self.ready);
             ready.drain(..).for_each(|slot| self.take_request(slot));

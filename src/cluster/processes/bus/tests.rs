@@ -3,6 +3,7 @@
 use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -229,6 +230,32 @@ fn many_nodes_at_once_each_get_their_own_lines() {
         let (totals, _) = bus.finish(Vec::new());
         assert_eq!((totals.fetches, totals.fetched_bytes, totals.log_rows), (3000, 3000 * 64, 3003));
     }
+}
+
+#[test]
+fn clients_that_never_stop_keep_no_other_from_being_heard() {
+    let bus = TestBus::loaded();
+    let over = AtomicBool::new(false);
+    thread::scope(|scope| {
+        for node in 1..5 {
+            let mut flooder = bus.node(node);
+            let over = &over;
+            scope.spawn(move || {
+                let (tile, attempt) = (TileId(0), Attempt(0));
+                // It is dropped when the bus ends.
+                while flooder.send(&MemoryRequest::Pixels { tile, attempt, bytes: 4 }, &[]).is_ok()
+                    && !over.load(Ordering::Relaxed)
+                {}
+            });
+        }
+        thread::sleep(Duration::from_millis(100));
+        let mut other = bus.node(0);
+        for line in 0..20 {
+            ask(&mut other, &fetch(line * 64, 64, 1), &[]).expect("it is heard");
+        }
+        over.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(bus.finish(Vec::new()).0.fetches, 20);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The connections of a live process: a task that reads and one that writes for each, so that no peer holds up another.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -8,13 +8,16 @@ use std::time::Duration;
 use bytes::Buf;
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::task::AbortHandle;
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 
 use super::{CONNECT_DEADLINE, ConnectionId, Event, Incoming, Loss, Machine, Outgoing, UNREAD_MAX};
 use crate::protocol::connection::{
     Connection, ConnectionError, Fault, FrameReceiver, FrameSender, Introduction, connect,
 };
 use crate::protocol::hello::Role;
+
+/// For what a process has sent before its end to leave.
+const FINISH_DEADLINE: Duration = Duration::from_millis(500);
 
 /// What comes of connections.
 pub(super) enum Happening<M: Machine> {
@@ -111,6 +114,23 @@ where
 
     pub(super) fn close(&mut self, id: ConnectionId) {
         self.stages.remove(&id);
+    }
+
+    /// Closes all, and waits for [`FINISH_DEADLINE`] at most until what was sent has left.
+    pub(super) async fn finish(&mut self, happenings: &mut mpsc::Receiver<Happening<M>>) {
+        let open = self.stages.drain().filter(|(_, stage)| matches!(stage, Stage::Open { .. }));
+        let mut unfinished: HashSet<ConnectionId> = open.map(|(id, _)| id).collect();
+        let flushed = async {
+            while !unfinished.is_empty()
+                && let Some(happening) = happenings.recv().await
+            {
+                if let Happening::Flushed(id) = happening {
+                    unfinished.remove(&id);
+                }
+            }
+        };
+        // A peer that does not read is left to itself.
+        let _ = timeout(FINISH_DEADLINE, flushed).await;
     }
 }
 
@@ -253,6 +273,26 @@ mod tests {
         connections.close(BUS);
         assert_eq!(reading.await.expect("no panic"), Vec::from_iter(0..MESSAGES));
         assert!(matches!(happenings.recv().await, Some(Happening::Flushed(BUS))));
+    }
+
+    #[tokio::test]
+    async fn what_was_sent_before_the_end_leaves_and_a_peer_that_does_not_read_delays_it_for_a_moment() {
+        let (mut connections, mut happenings, bus) = connected(BUS).await;
+        let (_sender, mut receiver): (_, Receiver<MemoryRequest>) = bus.split::<MemoryReply, MemoryRequest>();
+        assert!(connections.send(BUS, job(7)).await.is_none());
+        connections.finish(&mut happenings).await;
+        let received = receiver.receive_within(SOON).await.expect("whole frames");
+        assert!(matches!(received, Some(MemoryRequest::Job { tile: TileId(7), .. })));
+        assert!(receiver.receive_within(SOON).await.expect("no more frames").is_none());
+        // Another one fills what the system takes for a peer that does not read.
+        let (mut connections, mut happenings, _bus) = connected(BUS).await;
+        let fill = async {
+            for tile in 0.. {
+                connections.send(BUS, job(tile)).await;
+            }
+        };
+        assert!(timeout(Duration::from_millis(300), fill).await.is_err());
+        timeout(SOON, connections.finish(&mut happenings)).await.expect("an end");
     }
 
     #[tokio::test]

@@ -125,6 +125,7 @@ where
             while let Some(event) = events.pop_front() {
                 for action in state.handle(self.start.elapsed(), event) {
                     if let Action::End(outcome) = action {
+                        self.connections.finish(&mut self.happenings).await;
                         return outcome.map_err(ProcessError::Failed);
                     }
                     match self.act(action).await {

@@ -152,7 +152,8 @@ pub enum Action<M: Machine> {
     Send(ConnectionId, M::Outgoing),
     Close(ConnectionId),
     Task(M::Task),
-    /// The process ends, after all that was reported; why, if it is an error.
+    /// The process ends, after all that was reported, and after all that was sent, for half a second at most; why, if it is an
+    /// error.
     End(Result<(), String>),
 }
 

@@ -286,8 +286,9 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     drop(runtime);
 
     folder.end();
-    // What is in the folder's recording may be an earlier run's.
-    let recorded = recorded.filter(|_| folder.failed_start().is_none());
+    // What is in the folder's recording may be an earlier run's; a run that was interrupted early may have none.
+    let has_begun = !matches!(state.over(), Some(Cause::Interrupted(_))) || folder.recording().is_dir();
+    let recorded = recorded.filter(|_| folder.failed_start().is_none() && has_begun);
     let (checks, unsealed) = match recorded.map(|seal| recorded::close(&seal, &state, &folder.recording())) {
         Some(Err(error)) => (Vec::new(), Some(format!("the recording cannot be closed: {error}"))),
         sealed => (sealed.and_then(Result::ok).unwrap_or_default(), None),

@@ -294,7 +294,8 @@ mod tests {
     use crate::report::fixture;
 
     fn topology() -> Topology {
-        Topology::read(Path::new("topologies/teapot.toml"), &[]).expect("a topology of this project")
+        Topology::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../topologies/teapot.toml"), &[])
+            .expect("a topology of this project")
     }
 
     const ANEW: Opening = Opening::Anew { force: false };
