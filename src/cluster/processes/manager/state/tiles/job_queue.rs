@@ -140,6 +140,7 @@ impl JobQueue {
     }
 
     /// Attempts that masters have.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn out(&self) -> usize {
         self.out.len()
     }
@@ -150,12 +151,14 @@ impl JobQueue {
     }
 
     /// How a tile stands, for whoever looks for a fault here.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn describe(&self, tile: TileId) -> String {
         let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
         format!("{tile}: {:?}, out {out:?}", self.tiles.get(tile.0 as usize))
     }
 
     /// Checks that no master has yet.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn waiting_checks(&self) -> usize {
         self.checks.len()
     }
