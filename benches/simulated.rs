@@ -1,5 +1,6 @@
-//! Rehearsals of what can go wrong, and what scheduling costs: `cargo bench --bench simulated`,
-//! `-- --schedules 10000 --first 0` for so many seeds from that one on, `--hostile` with hostile processes beside the faults.
+//! Schedules of what can go wrong, and what scheduling costs: `cargo bench --bench simulated`,
+//! `-- --schedules 10000 --first 0` for so many seeds from that one on, `--hostile` with hostile processes beside the faults,
+//! `--resumed` with an interrupt, and another run that resumes the first.
 //!
 //! Virtual time, but for what deciding costs: that is time on this host of all `handle` calls.
 
@@ -7,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use cluster::processes::simulation::{End, Schedule, rehearse};
+use cluster::processes::simulation::{End, Schedule, simulate};
 
 const NODES: u16 = 200;
 const TILES: u32 = 20_000;
@@ -18,8 +19,13 @@ const TILES_A_NODE_MAX: usize = 8;
 
 fn main() {
     let schedules = argument("--schedules").unwrap_or(10_000);
-    let hostile = std::env::args().any(|argument| argument == "--hostile");
-    let kept = rehearsals(argument("--first").unwrap_or(0), schedules, hostile);
+    let named = |name: &str| std::env::args().any(|argument| argument == name);
+    let kind = match (named("--hostile"), named("--resumed")) {
+        (true, _) => Schedule::hostile_of,
+        (_, true) => Schedule::resumed_of,
+        _ => Schedule::random,
+    };
+    let kept = campaign(argument("--first").unwrap_or(0), schedules, kind);
     let fast = [false, true].into_iter().all(scheduling);
     if !kept || !fast {
         std::process::exit(1);
@@ -40,18 +46,19 @@ struct Row {
     seed: u64,
 }
 
-fn rehearsals(first: u64, schedules: u64, hostile: bool) -> bool {
+fn campaign(first: u64, schedules: u64, kind: fn(u64) -> Schedule) -> bool {
     let start = Instant::now();
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
-    let [mut complete, mut missing, mut failed, mut broken] = [0u64; 4];
+    let [mut complete, mut missing, mut interrupted, mut failed, mut broken] = [0u64; 5];
     let (mut took, mut faults, mut reissued, mut verified, mut disagreements) = (Duration::ZERO, 0, 0, 0, 0);
     let (mut under_way, mut tiles_a_node) = (0, 0);
     for seed in first..first + schedules {
-        let schedule = if hostile { Schedule::hostile_of(seed) } else { Schedule::random(seed) };
-        let outcome = rehearse(&schedule, None);
+        let schedule = kind(seed);
+        let outcome = simulate(&schedule, None);
         match outcome.end {
             Some(End::Complete) => complete += 1,
             Some(End::TilesMissing) => missing += 1,
+            Some(End::Interrupted) => interrupted += 1,
             Some(End::Failed(_)) | None => failed += 1,
         }
         if !outcome.broken.is_empty() {
@@ -68,7 +75,7 @@ fn rehearsals(first: u64, schedules: u64, hostile: bool) -> bool {
         for recovery in outcome.recoveries.iter().filter(|recovery| recovery.alone) {
             let role = recovery.role.to_string();
             let role = role.split(' ').next().unwrap_or_default().to_owned();
-            let row = rows.entry((recovery.what.name(), role)).or_default();
+            let row = rows.entry((recovery.kind.name(), role)).or_default();
             row.count += 1;
             row.sum += recovery.took;
             if recovery.took > row.longest {
@@ -76,8 +83,10 @@ fn rehearsals(first: u64, schedules: u64, hostile: bool) -> bool {
             }
         }
     }
-    println!("{schedules} schedules from seed {first}: {broken} broke a promise");
-    println!("  {complete} complete, {missing} without nodes, {failed} failed, each for a good reason");
+    println!("{schedules} schedules from seed {first}: {broken} broke an invariant");
+    println!(
+        "  {complete} complete, {missing} without nodes, {failed} failed, {interrupted} interrupted, each for a good reason"
+    );
     println!(
         "  {faults} faults recovered from, {reissued} attempts again, {verified} tiles verified, {disagreements} disagreements"
     );
@@ -101,7 +110,7 @@ fn clock() -> Duration {
 
 fn scheduling(counted: bool) -> bool {
     let schedule = Schedule::large(NODES, TILES, counted);
-    let outcome = rehearse(&schedule, Some(clock));
+    let outcome = simulate(&schedule, Some(clock));
     let a_tile = outcome.deciding / TILES;
     let memory = if counted { "less than all, every access counted" } else { "all" };
     println!("\n{NODES} nodes on one master, {TILES} tiles, local memory {memory}:");

@@ -244,7 +244,7 @@ fn the_simulation_has_no_clock_and_nobody_knows_of_it() {
         "src",
         &["cluster::processes::simulation"],
         &["src/cluster/processes/simulation"],
-        "a process does not know who rehearses it",
+        "a process does not know that it is simulated",
     );
 }
 

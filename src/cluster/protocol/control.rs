@@ -200,6 +200,26 @@ pub enum MasterReport {
     Finished(MasterTotals),
 }
 
+impl MasterReport {
+    /// The node that it is about.
+    pub fn node(&self) -> Option<NodeId> {
+        match self {
+            Self::NodeReady { node, .. }
+            | Self::Done { node, .. }
+            | Self::Forged { node, .. }
+            | Self::Idle { node, .. }
+            | Self::Late { node, .. } => Some(*node),
+            Self::Listening(_)
+            | Self::Heartbeat
+            | Self::Incident(_)
+            | Self::TilesWanted(_)
+            | Self::Lost(_)
+            | Self::Returned(_)
+            | Self::Finished(_) => None,
+        }
+    }
+}
+
 /// Manager to node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum NodeCommand {

@@ -11,6 +11,8 @@ use trace::tracer::{RayKind, TraceStats};
 /// How many tiles a node may hold at once: one to trace, one to begin with at once after it, and two on their way to
 /// the display and back, which takes a while when every processor is busy tracing.
 pub const JOBS_PER_NODE: usize = 4;
+/// How many tiles a master asks the manager for, per node, waiting or handed out. It is given no more.
+pub const TILES_PER_NODE: u32 = 8;
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum WorkRequest {

@@ -117,6 +117,11 @@ impl Composition {
         }
     }
 
+    /// Processes whose tiles are in the frame, and condemned ones.
+    pub fn sizes(&self) -> [usize; 2] {
+        [self.shares.len(), self.condemned.len()]
+    }
+
     /// Bulk bytes of a whole tile: no frame may carry more.
     pub fn tile_bytes_max(&self) -> usize {
         let pixels = self.tiling.rect(TileId(0)).map_or(0, Rect::pixel_count);

@@ -89,6 +89,15 @@ impl State {
     }
 }
 
+impl State {
+    /// Connections, processes whose tiles are in the frame, and condemned ones.
+    pub fn sizes(&self) -> [usize; 3] {
+        let Phase::Serving { composition, peers } = &self.phase else { return [0; 3] };
+        let [shares, condemned] = composition.sizes();
+        [peers.len(), shares, condemned]
+    }
+}
+
 impl Machine for State {
     type Command = DisplayCommand;
     type Report = DisplayReport;

@@ -1,4 +1,4 @@
-//! Plans for the tests of this folder, and for rehearsals.
+//! Plans for the tests of this folder, and for the simulation.
 
 use std::time::Duration;
 

@@ -16,9 +16,9 @@ mod metrics;
 mod plan;
 pub(in crate::processes) mod process;
 mod reach;
-#[cfg(any(test, feature = "testing"))]
-pub(in crate::processes) mod rehearsal;
 mod shell;
+#[cfg(any(test, feature = "testing"))]
+pub(in crate::processes) mod simulated;
 pub(in crate::processes) mod state;
 
 use std::io;

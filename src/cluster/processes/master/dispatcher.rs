@@ -7,15 +7,13 @@ use super::seat::{Held, NodeProcess, Seat};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, TileGrant};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::MemoryRequest;
-use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkRequest};
+use crate::protocol::work::{JOBS_PER_NODE, TILES_PER_NODE, TileDone, WorkRequest};
 use ground::ids::{Attempt, NodeId, TileId};
 use machine::hardware::totals::{LostAttempt, MasterTotals};
 use machine::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES};
 
-/// Tiles a node that the master asks the manager for, waiting or handed out.
-const TILES_A_NODE: u32 = 8;
 /// Tiles are asked for by so many at least: less than a node's, so that none waits for another's.
-const TILES_ASKED_MIN: u32 = TILES_A_NODE / 2;
+const TILES_ASKED_MIN: u32 = TILES_PER_NODE / 2;
 
 #[derive(Debug)]
 pub(in crate::processes) enum Event {
@@ -101,6 +99,11 @@ impl Dispatcher {
     /// Tiles in the cluster's queue or with its nodes.
     pub(in crate::processes) fn tiles(&self) -> usize {
         self.queue.len() + self.seats.iter().map(|seat| seat.held.len()).sum::<usize>()
+    }
+
+    /// Requests that wait, and attempts whose completions would be stale.
+    pub(in crate::processes) fn sizes(&self) -> [usize; 2] {
+        [self.waiting.len(), self.lost.len()]
     }
 
     fn obey(&mut self, command: MasterCommand) {
@@ -267,7 +270,7 @@ impl Dispatcher {
     fn ask(&mut self) {
         let held: usize = self.seats.iter().map(|seat| seat.held.len()).sum();
         let have = (self.queue.len() + held) as u32 + self.asked;
-        let room = (TILES_A_NODE * self.seats.len() as u32).saturating_sub(have);
+        let room = (TILES_PER_NODE * self.seats.len() as u32).saturating_sub(have);
         if room >= TILES_ASKED_MIN {
             self.asked += room;
             self.actions.push(Action::Report(MasterReport::TilesWanted(room)));

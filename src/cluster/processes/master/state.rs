@@ -93,6 +93,13 @@ impl State {
             _ => 0,
         }
     }
+
+    /// Requests of nodes that wait, attempts whose completions would be stale, and connections of nodes.
+    pub fn sizes(&self) -> [usize; 3] {
+        let Phase::Working(work) = &self.phase else { return [0; 3] };
+        let [waiting, lost] = work.dispatcher.sizes();
+        [waiting, lost, work.peers.len().max(work.connections.len())]
+    }
 }
 
 impl Machine for State {

@@ -123,6 +123,14 @@ impl State {
     pub fn new(role: Role) -> Self {
         Self { role, phase: Phase::Unconfigured, is_corrupt: false }
     }
+
+    /// Tiles that it has.
+    pub fn tiles(&self) -> usize {
+        match &self.phase {
+            Phase::Working(work) => work.tiles.len(),
+            _ => 0,
+        }
+    }
 }
 
 impl Machine for State {

@@ -10,7 +10,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 use super::*;
-use crate::processes::simulation::scenery;
+use crate::processes::simulation::test_scene;
 use crate::protocol::connection::{Credentials, Listener};
 use crate::protocol::control::{Bootstrap, NodeCommand, NodeConfiguration, NodeReport};
 use crate::protocol::hello::{Role, RunToken};
@@ -44,12 +44,12 @@ fn claim(tile: u32) -> Claim {
 
 /// As the simulation's.
 fn database() -> &'static Verified {
-    scenery::database()
+    test_scene::database()
 }
 
 fn view() -> View {
     let Sides { width, height, .. } = TILING.sides();
-    View { image: ImageSettings::new(width, height, 3, 0.0).expect("possible"), ..scenery::view(1) }
+    View { image: ImageSettings::new(width, height, 3, 0.0).expect("possible"), ..test_scene::view(1) }
 }
 
 /// The planes of every tile, traced without any process.

@@ -129,6 +129,11 @@ impl Tiles {
         !self.reached || !self.traced.is_empty()
     }
 
+    /// Tiles that it has.
+    pub fn len(&self) -> usize {
+        self.tracing + self.traced.len()
+    }
+
     /// Whether it was told to go, and holds nothing any more.
     pub fn has_left(&self) -> bool {
         self.leaving && self.tracing == 0 && self.traced.is_empty()

@@ -120,14 +120,14 @@ mod tests {
         }
         one.add_all(&other);
         values.sort_unstable();
-        let told = one.summary().expect("many");
-        for (told, rank) in [(told.p50, 5000), (told.p90, 9000), (told.p99, 9900)] {
+        let summary = one.summary().expect("many");
+        for (summary, rank) in [(summary.p50, 5000), (summary.p90, 9000), (summary.p99, 9900)] {
             let exact = values[rank - 1] as f64 / 1e3;
-            assert!(told >= exact && told <= exact * (1.0 + 1.0 / 128.0), "{told} for {exact}");
+            assert!(summary >= exact && summary <= exact * (1.0 + 1.0 / 128.0), "{summary} for {exact}");
         }
-        assert_eq!((told.min, told.max), (values[0] as f64 / 1e3, values[9999] as f64 / 1e3));
+        assert_eq!((summary.min, summary.max), (values[0] as f64 / 1e3, values[9999] as f64 / 1e3));
         let mean = values.iter().sum::<u64>() as f64 / 1e7;
-        assert!((told.mean - mean).abs() < 1e-6);
+        assert!((summary.mean - mean).abs() < 1e-6);
         assert!(Latencies::new().summary().is_none());
     }
 }

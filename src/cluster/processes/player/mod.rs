@@ -1,13 +1,13 @@
-//! Live replay: uploads the image of a recording to a running bus, then says again what its nodes and its master said,
-//! and holds every answer against the recorded one.
+//! Live replay: uploads the image of a recording to a running bus, then sends again the requests of its nodes and its master,
+//! and compares every answer with the recorded one.
 //!
-//! Each of them has a connection and a thread of its own (`voice`), and at most one request on the bus, as when it was
-//! recorded. The log is read twice, batch by batch: first to see that it can be played (`score`), then to play it.
+//! Each of them has a connection and a thread of its own (`agent`), and at most one request on the bus, as when it was
+//! recorded. The log is read twice, batch by batch: first to see that it can be played (`schedule`), then to play it.
 
+mod agent;
 mod latency;
 mod outcome;
-mod score;
-mod voice;
+mod schedule;
 
 use std::collections::BTreeMap;
 use std::io;
@@ -21,10 +21,10 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use self::agent::{Agent, Due, Tally};
 pub use self::latency::Latency;
 pub use self::outcome::PlayOutcome;
-use self::score::Score;
-use self::voice::{Due, Tally, Voice};
+use self::schedule::Schedule;
 use super::event_queue::event_queue;
 use super::loader::Loader;
 use super::token;
@@ -40,7 +40,7 @@ use trace::scene::SourceError;
 
 /// For a bus to take a piece of the image.
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(60);
-/// Parts of batches that wait for one voice.
+/// Parts of batches that wait for one agent.
 const QUEUE_MAX: usize = 2;
 
 /// How fast to play.
@@ -119,7 +119,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let image = database.bytes();
     check_layout(&log.metadata().layout, &database.header.layout)?;
     check_hash(request.scene_sha256.as_deref(), image)?;
-    let score = Score::read(log, image, topology.cluster.all_nodes(), request.may_be_damaged)?;
+    let schedule = Schedule::read(log, image, topology.cluster.all_nodes(), request.may_be_damaged)?;
 
     let runtime = event_queue();
     let runtime = runtime.map_err(|error| PlayError::System { what: "event queue", error })?;
@@ -127,13 +127,13 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let loader = runtime.block_on(upload(request.bus, &credentials, open(request)?, image))?;
     let upload_seconds = start.elapsed().as_secs_f64();
 
-    let voices = connect(request.bus, &credentials, &score)?;
+    let agents = connect(request.bus, &credentials, &schedule)?;
     let start = Instant::now();
-    let tally = say(request, &score, voices, start)?;
+    let tally = replay(request, &schedule, agents, start)?;
     let played = Played { seconds: start.elapsed().as_secs_f64(), upload_seconds, uploaded_bytes: image.len() as u64 };
     // The bus by itself ends when its loader leaves.
     runtime.block_on(loader.leave());
-    Ok(outcome(request.pace, &score, &tally, played))
+    Ok(outcome(request.pace, &schedule, &tally, played))
 }
 
 fn open(request: &PlayRequest) -> Result<Reader, PlayError> {
@@ -173,7 +173,7 @@ async fn upload(
     while uploaded < image.len() {
         let Some(rows) = log.next_rows()? else { break };
         for row in rows.iter().filter(|row| row.kind == Kind::Write) {
-            // The score has read the same: pieces follow one another to the image's end.
+            // The schedule has read the same: pieces follow one another to the image's end.
             let Some(address) = row.address else { continue };
             let piece = image.get(uploaded..uploaded + row.bytes as usize).unwrap_or_default();
             loader.store(address, piece).await.map_err(PlayError::Upload)?;
@@ -183,44 +183,49 @@ async fn upload(
     Ok(loader)
 }
 
-fn connect(bus: SocketAddr, credentials: &Credentials, score: &Score) -> Result<BTreeMap<Initiator, Voice>, PlayError> {
-    let nodes = score.nodes.iter().map(|node| Initiator::Node(*node));
-    let speakers = nodes.chain(score.has_jobs.then_some(Initiator::Master));
-    let mut voices = BTreeMap::new();
-    for speaker in speakers {
-        let role = match speaker {
+fn connect(
+    bus: SocketAddr,
+    credentials: &Credentials,
+    schedule: &Schedule,
+) -> Result<BTreeMap<Initiator, Agent>, PlayError> {
+    let nodes = schedule.nodes.iter().map(|node| Initiator::Node(*node));
+    let initiators = nodes.chain(schedule.has_jobs.then_some(Initiator::Master));
+    let mut agents = BTreeMap::new();
+    for initiator in initiators {
+        let role = match initiator {
             Initiator::Node(node) => Role::Node(node),
             Initiator::Master | Initiator::Loader => Role::Master(ClusterId(0)),
         };
-        voices.insert(speaker, Voice::connect(bus, role, credentials)?);
+        agents.insert(initiator, Agent::connect(bus, role, credentials)?);
     }
-    Ok(voices)
+    Ok(agents)
 }
 
-/// Gives each row to the voice of who said it.
-fn say(
+/// Gives each row to the agent of its initiator.
+fn replay(
     request: &PlayRequest,
-    score: &Score,
-    voices: BTreeMap<Initiator, Voice>,
+    schedule: &Schedule,
+    agents: BTreeMap<Initiator, Agent>,
     start: Instant,
 ) -> Result<Tally, PlayError> {
     let due = match request.pace {
-        Pace::Recorded => Due::Recorded { start, first_request: score.first_request },
+        Pace::Recorded => Due::Recorded { start, first_request: schedule.first_request },
         Pace::Fastest => Due::AtOnce,
     };
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let mut queues = BTreeMap::new();
         let mut threads = Vec::new();
-        for (speaker, voice) in voices {
+        for (initiator, agent) in agents {
             let (queue, rows): (Sender<Vec<Transaction>>, Receiver<_>) = bounded(QUEUE_MAX);
             let stop = &stop;
-            let name = format!("{speaker:?}");
-            let thread = thread::Builder::new().name(name).spawn_scoped(scope, move || voice.say_all(&rows, due, stop));
+            let name = format!("{initiator:?}");
+            let thread =
+                thread::Builder::new().name(name).spawn_scoped(scope, move || agent.send_all(&rows, due, stop));
             threads.push(thread.map_err(|error| PlayError::System { what: "thread", error })?);
-            queues.insert(speaker, queue);
+            queues.insert(initiator, queue);
         }
-        let handed_out = hand_out(open(request)?, score, &queues);
+        let handed_out = hand_out(open(request)?, schedule, &queues);
         drop(queues);
         if !matches!(handed_out, Ok(true)) {
             stop.store(true, Ordering::Relaxed);
@@ -230,26 +235,26 @@ fn say(
     })
 }
 
-/// `false`: a voice has ended early.
+/// `false`: a agent has ended early.
 fn hand_out(
     mut log: Reader,
-    score: &Score,
+    schedule: &Schedule,
     queues: &BTreeMap<Initiator, Sender<Vec<Transaction>>>,
 ) -> Result<bool, PlayError> {
-    let mut left = score.transactions;
+    let mut left = schedule.transactions;
     while left > 0 {
         let Some(rows) = log.next_rows()? else { break };
         let mut parts: BTreeMap<Initiator, Vec<Transaction>> = BTreeMap::new();
         for row in rows.into_iter().filter(|row| row.kind != Kind::Write) {
-            let speaker = match (row.kind, row.node) {
+            let initiator = match (row.kind, row.node) {
                 (Kind::Fetch | Kind::Bulk | Kind::Pixels, Some(node)) => Initiator::Node(node),
                 _ => Initiator::Master,
             };
-            parts.entry(speaker).or_default().push(row);
+            parts.entry(initiator).or_default().push(row);
             left -= 1;
         }
-        for (speaker, part) in parts {
-            if queues.get(&speaker).is_none_or(|queue| queue.send(part).is_err()) {
+        for (initiator, part) in parts {
+            if queues.get(&initiator).is_none_or(|queue| queue.send(part).is_err()) {
                 return Ok(false);
             }
         }
@@ -261,7 +266,7 @@ fn join(threads: Vec<ScopedJoinHandle<'_, Result<Tally, ConnectionError>>>) -> R
     let mut tally = Tally::new();
     for thread in threads {
         match thread.join() {
-            Ok(told) => tally.add(&told?),
+            Ok(sent) => tally.add(&sent?),
             Err(panic) => std::panic::resume_unwind(panic),
         }
     }
@@ -274,7 +279,7 @@ struct Played {
     uploaded_bytes: u64,
 }
 
-fn outcome(pace: Pace, score: &Score, tally: &Tally, played: Played) -> PlayOutcome {
+fn outcome(pace: Pace, schedule: &Schedule, tally: &Tally, played: Played) -> PlayOutcome {
     let count = |kind: Kind| tally.transactions[kind as usize];
     let bytes = |kind: Kind| tally.bytes[kind as usize];
     let transactions = tally.transactions.iter().sum();
@@ -282,7 +287,7 @@ fn outcome(pace: Pace, score: &Score, tally: &Tally, played: Played) -> PlayOutc
     let Played { seconds, upload_seconds, uploaded_bytes } = played;
     PlayOutcome {
         pace,
-        nodes: score.nodes.len() as u64,
+        nodes: schedule.nodes.len() as u64,
         uploaded_bytes,
         upload_seconds,
         transactions,
@@ -296,10 +301,10 @@ fn outcome(pace: Pace, score: &Score, tally: &Tally, played: Played) -> PlayOutc
         first_mismatch: tally.first_mismatch.as_ref().map(|(_, what)| what.clone()),
         latency_microseconds: tally.latencies.summary(),
         seconds,
-        recorded_seconds: score.recorded_nanoseconds as f64 / 1e9,
+        recorded_seconds: schedule.recorded_nanoseconds as f64 / 1e9,
         transactions_per_second: transactions as f64 / seconds,
         mebibytes_per_second: moved_bytes as f64 / f64::from(1 << 20) / seconds,
         late_microseconds_max: (pace == Pace::Recorded).then_some(tally.late.as_secs_f64() * 1e6),
-        left_out: score.fault.as_ref().map(ToString::to_string),
+        left_out: schedule.fault.as_ref().map(ToString::to_string),
     }
 }

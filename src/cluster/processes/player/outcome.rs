@@ -7,11 +7,11 @@ use serde::Serialize;
 use super::Pace;
 use super::latency::Latency;
 
-/// All but the upload, unless a name says otherwise.
+/// All but the upload, unless a name states otherwise.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct PlayOutcome {
     pub pace: Pace,
-    /// Nodes that said something.
+    /// Nodes that sent requests.
     pub nodes: u64,
     pub uploaded_bytes: u64,
     pub upload_seconds: f64,

@@ -10,10 +10,10 @@ const START: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(60
 /// For the manager, and for other servers, to answer the hello.
 pub(super) const CONNECT_DEADLINE: Duration = Duration::from_secs(5);
 /// For the manager to hang up after the last report.
-const FAREWELL_DEADLINE: Duration = Duration::from_secs(1);
+const HANG_UP_DEADLINE: Duration = Duration::from_secs(1);
 
-pub(super) const WELL: &str = "ended by itself";
-pub(super) const BADLY: &str = "ended with exit code 1";
+pub(super) const EXIT_OK: &str = "ended by itself";
+pub(super) const EXIT_ERROR: &str = "ended with exit code 1";
 
 #[derive(Debug)]
 pub(super) struct Child {
@@ -57,7 +57,7 @@ impl Child {
             if let Some(control) = self.control {
                 network.finish(self.me, control);
             }
-            network.wake(self.me, FAREWELL_DEADLINE, Timer::Farewell);
+            network.wake(self.me, HANG_UP_DEADLINE, Timer::HangUp);
         }
     }
 
@@ -71,8 +71,8 @@ impl Child {
                 self.report(network, self.heartbeat.clone());
                 network.wake(self.me, self.period, Timer::Heartbeat);
             }
-            Timer::Farewell => network.exit(self.me, self.closing.unwrap_or(BADLY)),
-            Timer::Dialled(wire) if self.is_control(wire) && !self.connected => network.exit(self.me, BADLY),
+            Timer::HangUp => network.exit(self.me, self.closing.unwrap_or(EXIT_ERROR)),
+            Timer::Dialled(wire) if self.is_control(wire) && !self.connected => network.exit(self.me, EXIT_ERROR),
             Timer::Heartbeat => {}
             Timer::Dialled(_) if self.closing.is_some() => {}
             _ => return false,
@@ -88,6 +88,6 @@ impl Child {
 
     /// The manager has hung up.
     pub(super) fn orphaned(&self, network: &mut Network) {
-        network.exit(self.me, self.closing.unwrap_or(BADLY));
+        network.exit(self.me, self.closing.unwrap_or(EXIT_ERROR));
     }
 }

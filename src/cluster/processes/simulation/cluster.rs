@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::roles::Body;
-use super::scenery::Scenery;
+use super::roles::Process;
 use super::schedule::Schedule;
+use super::test_scene::TestScene;
 use super::world::World;
-use crate::processes::manager::rehearsal::End;
+use crate::processes::manager::simulated::End;
 use crate::report::{Bus, Node};
 use machine::hardware::specification::MemorySize;
 use trace::database::verify::Verified;
@@ -53,15 +53,15 @@ impl Cluster {
         let sides = Sides { width, height, tile_width: self.tile, tile_height: self.tile };
         let tiling = Tiling::try_from(sides).map_err(|error| Incomplete(error.to_string()))?;
         let mut schedule = Schedule::large(self.nodes, tiling.tile_count(), true);
-        (schedule.seed, schedule.play.memory) = (self.seed, self.local_memory);
-        let scenery = Scenery { database: database.clone(), view: view.clone(), tiling };
-        let mut world = World::new(&schedule, &scenery, None);
+        (schedule.seed, schedule.scenario.memory) = (self.seed, self.local_memory);
+        let scene = TestScene { database: database.clone(), view: view.clone(), tiling };
+        let mut world = World::new(&schedule, &scene, None, None);
         world.run();
         let (nodes, bus, took, end) =
             (world.manager.nodes(), world.manager.bus(), world.network.now, world.manager.end());
-        let displays = world.bodies.into_iter().rev().flatten();
-        let mut images = displays.filter_map(|body| match body {
-            Body::Display(display) => display.worker.finished,
+        let displays = world.processes.into_iter().rev().flatten();
+        let mut images = displays.filter_map(|process| match process {
+            Process::Display(display) => display.worker.finished,
             _ => None,
         });
         match (end, images.next()) {

@@ -3,20 +3,30 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use super::host::{Desk, Worker};
-use crate::processes::display::composition::{Finished, Source};
+use super::host::{Context, Worker};
+use crate::processes::display::composition::Finished;
 use crate::processes::display::state::{Answer, Entry, State, Task};
 use crate::protocol::control::DisplayTotals;
-use ground::ids::TileId;
+use ground::ids::{Attempt, Producer, TileId};
 
 pub(super) type Journal = Rc<RefCell<Vec<Entry>>>;
 
 /// Whose pixels of a tile were taken last.
-pub(super) fn source(journal: &Journal, of: TileId) -> Option<Source> {
+pub(super) fn source(journal: &Journal, of: TileId) -> Option<(Producer, Attempt)> {
     journal.borrow().iter().rev().find_map(|entry| match entry {
-        Entry::Pixels { tile, producer, .. } if *tile == of => Some((producer.node, producer.epoch)),
+        Entry::Pixels { tile, attempt, producer, .. } if *tile == of => Some((*producer, *attempt)),
         _ => None,
     })
+}
+
+/// Whether the display took the tiles of a process out of the frame after it took any into it.
+pub(super) fn is_rid_of(journal: &Journal, process: Producer) -> bool {
+    let latest = journal.borrow().iter().rev().find_map(|entry| match entry {
+        Entry::Pixels { producer, .. } if *producer == process => Some(false),
+        Entry::Condemned(producer) if *producer == process => Some(true),
+        _ => None,
+    });
+    latest != Some(false)
 }
 
 pub(super) struct Files {
@@ -26,7 +36,7 @@ pub(super) struct Files {
 }
 
 impl Worker<State> for Files {
-    fn begin(&mut self, _desk: &mut Desk, task: Task) -> Result<Option<Answer>, String> {
+    fn begin(&mut self, _desk: &mut Context, task: Task) -> Result<Option<Answer>, String> {
         match task {
             Task::Restore(mut composition, configuration) => {
                 let mut journal = self.journal.borrow_mut();

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 
-use super::child::{BADLY, Child, WELL};
-use super::mischief::{Corruptible, Invention, Mischief};
+use super::child::{Child, EXIT_ERROR, EXIT_OK};
+use super::hostile::{Adversary, Forge, Manner, Subvertible};
 use super::network::{Actor, Message, Network, Parcel, Timer, Wire};
 use super::stopwatch::Stopwatch;
 use crate::processes::driver::{
@@ -22,36 +22,36 @@ use crate::protocol::hello::Role;
 /// Does the tasks of a state in virtual time.
 pub(super) trait Worker<M: Machine> {
     /// As of the live driver's worker.
-    fn begin(&mut self, desk: &mut Desk, task: M::Task) -> Result<Option<M::Answer>, String>;
+    fn begin(&mut self, context: &mut Context, task: M::Task) -> Result<Option<M::Answer>, String>;
 
     /// Takes a connection that is not for the state.
-    fn take_over(&mut self, _desk: &mut Desk, _wire: Wire, _peer: ProcessId) -> Option<Vec<M::Answer>> {
+    fn take_over(&mut self, _desk: &mut Context, _wire: Wire, _peer: ProcessId) -> Option<Vec<M::Answer>> {
         None
     }
 
     /// Something of a connection that is the worker's; `None`: it is the state's.
-    fn arrived(&mut self, _desk: &mut Desk, _wire: Wire, _parcel: &Parcel) -> Option<Vec<M::Answer>> {
+    fn arrived(&mut self, _desk: &mut Context, _wire: Wire, _parcel: &Parcel) -> Option<Vec<M::Answer>> {
         None
     }
 
     /// One of the worker's timers.
-    fn timer(&mut self, _desk: &mut Desk, _timer: Timer) -> Vec<M::Answer> {
+    fn timer(&mut self, _desk: &mut Context, _timer: Timer) -> Vec<M::Answer> {
         Vec::new()
     }
 }
 
 /// What a worker works with.
-pub(super) struct Desk<'a> {
+pub(super) struct Context<'a> {
     pub(super) network: &'a mut Network,
     pub(super) me: Actor,
     pub(super) id: ProcessId,
 }
 
-pub(super) struct Host<M: Corruptible, W> {
+pub(super) struct Host<M: Subvertible, W> {
     pub(super) child: Child,
     pub(super) machine: M,
     /// `Some`: it is hostile.
-    mischief: Option<Mischief<M>>,
+    pub(super) hostile: Option<Adversary<M>>,
     pub(super) worker: W,
     admission: Option<Admission>,
     accepted: u64,
@@ -59,6 +59,8 @@ pub(super) struct Host<M: Corruptible, W> {
     awaited: HashMap<u32, (Role, SocketAddr)>,
     wires: HashMap<ConnectionId, Connection>,
     ids: HashMap<Wire, ConnectionId>,
+    /// Most messages of this process on their way to one client, and to one server.
+    pub(super) unread_most: [usize; 2],
     /// The earliest look at deadlines that is planned.
     armed: Option<Duration>,
 }
@@ -71,38 +73,42 @@ struct Connection {
     is_open: bool,
 }
 
-impl<M: Corruptible, W: Worker<M>> Host<M, W> {
-    pub(super) fn new(child: Child, machine: M, worker: W, invention: Option<Invention>) -> Self {
+impl<M: Subvertible, W: Worker<M>> Host<M, W> {
+    pub(super) fn new(child: Child, machine: M, worker: W, forge: Option<Forge>) -> Self {
         Self {
             child,
             machine,
-            mischief: invention.map(Mischief::new),
+            hostile: forge.map(Adversary::new),
             worker,
             admission: None,
             accepted: 0,
             awaited: HashMap::new(),
             wires: HashMap::new(),
             ids: HashMap::new(),
+            unread_most: [0; 2],
             armed: None,
         }
     }
 
     pub(super) fn arrived(&mut self, network: &mut Network, watch: &mut Stopwatch, wire: Wire, parcel: Parcel) {
-        let mut desk = Desk { network, me: self.child.me, id: self.child.id };
-        if let Some(answers) = self.worker.arrived(&mut desk, wire, &parcel) {
-            return answers.into_iter().for_each(|answer| self.happen(network, watch, Event::Answer(answer)));
+        let mut context = Context { network, me: self.child.me, id: self.child.id };
+        if let Some(answers) = self.worker.arrived(&mut context, wire, &parcel) {
+            return answers.into_iter().for_each(|answer| self.handle(network, watch, Event::Answer(answer)));
         }
         let event = match parcel {
             Parcel::Message(Message::Command(command)) => match M::command(command) {
                 Some(command) if !command.is_heartbeat() => Some(Event::Command(command)),
                 _ => None,
             },
-            Parcel::Hello(peer) => return self.greet(network, watch, wire, peer),
+            Parcel::Hello(peer) => return self.admit(network, watch, wire, peer),
             Parcel::Welcome => self.ids.get(&wire).copied().and_then(|id| {
                 self.wires.get_mut(&id)?.is_open = true;
                 Some(Event::Dialled(id))
             }),
             Parcel::Message(Message::Frame(frame)) => {
+                if self.hostile.as_ref().is_some_and(|hostile| hostile.forge.manner == Manner::Unreading) {
+                    network.hold(self.child.me, wire);
+                }
                 self.ids.get(&wire).copied().map(|id| self.read(network, id, &frame))
             }
             Parcel::End => self.ids.get(&wire).copied().map(|id| {
@@ -114,7 +120,7 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
             Parcel::Message(Message::Report(_)) => None,
         };
         if let Some(event) = event {
-            self.happen(network, watch, event);
+            self.handle(network, watch, event);
         }
     }
 
@@ -123,7 +129,7 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
             Timer::Deadline => {
                 self.armed = None;
                 if self.machine.next_deadline().is_some_and(|deadline| deadline <= network.now) {
-                    return self.happen(network, watch, Event::Deadline);
+                    return self.handle(network, watch, Event::Deadline);
                 }
                 self.arm(network);
             }
@@ -137,19 +143,19 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
                 if !self.wires[&id].is_open {
                     self.forget(network, id);
                     let why = format!("silent for {} ms", CONNECT_DEADLINE.as_millis());
-                    self.happen(network, watch, Event::Closed(id, Some(Loss { why, is_breach: false })));
+                    self.handle(network, watch, Event::Closed(id, Some(Loss { why, is_breach: false })));
                 }
             }
             timer => {
-                let mut desk = Desk { network, me: self.child.me, id: self.child.id };
-                let answers = self.worker.timer(&mut desk, timer);
-                answers.into_iter().for_each(|answer| self.happen(network, watch, Event::Answer(answer)));
+                let mut context = Context { network, me: self.child.me, id: self.child.id };
+                let answers = self.worker.timer(&mut context, timer);
+                answers.into_iter().for_each(|answer| self.handle(network, watch, Event::Answer(answer)));
             }
         }
     }
 
     /// An event, and what the state answers, to its end.
-    pub(super) fn happen(&mut self, network: &mut Network, watch: &mut Stopwatch, event: Event<M>) {
+    pub(super) fn handle(&mut self, network: &mut Network, watch: &mut Stopwatch, event: Event<M>) {
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
             if self.child.is_closing() {
@@ -157,8 +163,8 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
             }
             let (now, machine) = (network.now, &mut self.machine);
             let mut actions = watch.time(|| machine.handle(now, event));
-            if let Some(mischief) = &mut self.mischief {
-                actions = mischief.spoil(actions);
+            if let Some(hostile) = &mut self.hostile {
+                actions = hostile.tamper(actions);
             }
             for action in actions {
                 match self.act(network, action) {
@@ -196,8 +202,8 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
                 return Some(Event::Closed(id, None));
             }
             Action::Task(task) => {
-                let mut desk = Desk { network, me: self.child.me, id: self.child.id };
-                match self.worker.begin(&mut desk, task) {
+                let mut context = Context { network, me: self.child.me, id: self.child.id };
+                match self.worker.begin(&mut context, task) {
                     Ok(answer) => return answer.map(Event::Answer),
                     Err(why) => return Some(Event::Failed(why)),
                 }
@@ -206,30 +212,30 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
                 let mut open: Vec<_> = self.wires.keys().copied().collect();
                 open.sort_unstable();
                 open.into_iter().for_each(|id| self.forget(network, id));
-                self.child.close(network, if outcome.is_ok() { WELL } else { BADLY });
+                self.child.close(network, if outcome.is_ok() { EXIT_OK } else { EXIT_ERROR });
             }
         }
         None
     }
 
-    fn greet(&mut self, network: &mut Network, watch: &mut Stopwatch, wire: Wire, peer: ProcessId) {
+    fn admit(&mut self, network: &mut Network, watch: &mut Stopwatch, wire: Wire, peer: ProcessId) {
         let admitted = match self.admission {
             Some(admission) => admission.check(peer.role),
             None => return network.close(self.child.me, wire),
         };
         if let Err(expected) = admitted {
             network.close(self.child.me, wire);
-            return self.happen(network, watch, Event::Refused(format!("{peer} is not expected, {expected} is")));
+            return self.handle(network, watch, Event::Refused(format!("{peer} is not expected, {expected} is")));
         }
         network.welcome(self.child.me, wire);
-        let mut desk = Desk { network, me: self.child.me, id: self.child.id };
-        if let Some(answers) = self.worker.take_over(&mut desk, wire, peer) {
-            return answers.into_iter().for_each(|answer| self.happen(network, watch, Event::Answer(answer)));
+        let mut context = Context { network, me: self.child.me, id: self.child.id };
+        if let Some(answers) = self.worker.take_over(&mut context, wire, peer) {
+            return answers.into_iter().for_each(|answer| self.handle(network, watch, Event::Answer(answer)));
         }
         let id = ConnectionId::Accepted(self.accepted);
         self.accepted += 1;
         self.open(id, Connection { wire, peer: peer.role, is_open: true });
-        self.happen(network, watch, Event::Accepted(id, PeerId { role: peer.role, epoch: peer.epoch }));
+        self.handle(network, watch, Event::Accepted(id, PeerId { role: peer.role, epoch: peer.epoch }));
     }
 
     fn dial(&mut self, network: &mut Network, id: ConnectionId, peer: Role, address: SocketAddr) {
@@ -268,6 +274,10 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
             Ok(bulk) => {
                 frame.extend(bulk);
                 network.send(self.child.me, wire, Message::Frame(frame));
+                if self.hostile.is_none() {
+                    let sent = &mut self.unread_most[usize::from(!is_client)];
+                    *sent = (*sent).max(network.under_way(self.child.me, wire));
+                }
                 None
             }
             Err(error) => Some(self.breach(network, to, error.to_string())),
@@ -277,6 +287,11 @@ impl<M: Corruptible, W: Worker<M>> Host<M, W> {
     fn breach(&mut self, network: &mut Network, id: ConnectionId, why: String) -> Event<M> {
         self.forget(network, id);
         Event::Closed(id, Some(Loss { why, is_breach: true }))
+    }
+
+    /// Whether what comes on a connection is read.
+    pub(super) fn reads(&self, wire: Wire) -> bool {
+        !self.child.is_closing() && self.ids.contains_key(&wire)
     }
 
     fn forget(&mut self, network: &mut Network, id: ConnectionId) {

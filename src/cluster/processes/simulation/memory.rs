@@ -1,6 +1,6 @@
 //! A bus's memory loop in virtual time: the real state decides who may ask for what, who is served next and with which bytes.
 
-use super::host::{Desk, Worker};
+use super::host::{Context, Worker};
 use super::network::{Message, Parcel, Timer, Wire};
 use crate::processes::bus::control::{Answer, Control, Task};
 use crate::processes::bus::memory_loop::LEAVE_DEADLINE;
@@ -29,16 +29,20 @@ struct Client {
 }
 
 impl Memory {
-    fn request(&mut self, desk: &mut Desk, client: Client, frame: &[u8]) -> Vec<Answer> {
+    pub(super) fn clients(&self) -> usize {
+        self.clients.len()
+    }
+
+    fn request(&mut self, context: &mut Context, client: Client, frame: &[u8]) -> Vec<Answer> {
         let body = frame.get(PREFIX_BYTES..).unwrap_or_default();
         let (request, bulk) = match frame::decode::<MemoryRequest>(body) {
             Ok(request) => request,
-            Err(error) => return self.drop_client(desk, client, format!("dropped {}: {error}", client.peer)),
+            Err(error) => return self.drop_client(context, client, format!("dropped {}: {error}", client.peer)),
         };
-        let now = desk.network.now.as_nanos() as u64;
+        let now = context.network.now.as_nanos() as u64;
         let Some(state) = &mut self.state else { return Vec::new() };
         if let Err(refusal) = state.request(client.initiator, request, bulk, now) {
-            return self.refuse(desk, client, &refusal);
+            return self.refuse(context, client, &refusal);
         }
         let mut answers = Vec::new();
         while let Some(grant) = self.state.as_mut().and_then(|state| state.grant(now)) {
@@ -49,29 +53,29 @@ impl Memory {
                 Ok(_) => {
                     self.rows += 1;
                     if !reply.is_empty() {
-                        desk.network.send(desk.me, served.wire, Message::Frame(reply));
+                        context.network.send(context.me, served.wire, Message::Frame(reply));
                     }
                 }
-                Err(refusal) => answers.extend(self.refuse(desk, served, &refusal)),
+                Err(refusal) => answers.extend(self.refuse(context, served, &refusal)),
             }
         }
         answers
     }
 
-    fn refuse(&mut self, desk: &mut Desk, client: Client, refusal: &Refusal) -> Vec<Answer> {
+    fn refuse(&mut self, context: &mut Context, client: Client, refusal: &Refusal) -> Vec<Answer> {
         if let Ok(frame) = frame::encode(&MemoryReply::Refused(refusal.to_string()), &[]) {
-            desk.network.send(desk.me, client.wire, Message::Frame(frame));
+            context.network.send(context.me, client.wire, Message::Frame(frame));
         }
-        self.drop_client(desk, client, format!("refused {}: {refusal}", client.peer))
+        self.drop_client(context, client, format!("refused {}: {refusal}", client.peer))
     }
 
-    fn drop_client(&mut self, desk: &mut Desk, client: Client, why: String) -> Vec<Answer> {
-        self.remove(desk, client.wire);
+    fn drop_client(&mut self, context: &mut Context, client: Client, why: String) -> Vec<Answer> {
+        self.remove(context, client.wire);
         vec![Answer::Incident(why)]
     }
 
-    fn remove(&mut self, desk: &mut Desk, wire: Wire) {
-        desk.network.close(desk.me, wire);
+    fn remove(&mut self, context: &mut Context, wire: Wire) {
+        context.network.close(context.me, wire);
         if let Some(at) = self.clients.iter().position(|client| client.wire == wire) {
             let client = self.clients.remove(at);
             if let Some(state) = &mut self.state {
@@ -91,44 +95,44 @@ impl Memory {
 }
 
 impl Worker<Control> for Memory {
-    fn begin(&mut self, desk: &mut Desk, task: Task) -> Result<Option<Answer>, String> {
+    fn begin(&mut self, context: &mut Context, task: Task) -> Result<Option<Answer>, String> {
         match task {
-            Task::Serve(configuration) => self.state = Some(State::new(&configuration, desk.id.epoch)),
+            Task::Serve(configuration) => self.state = Some(State::new(&configuration, context.id.epoch)),
             Task::Finish { lost } => {
                 self.lost = Some(lost);
-                desk.network.wake(desk.me, LEAVE_DEADLINE, Timer::Leave);
+                context.network.wake(context.me, LEAVE_DEADLINE, Timer::Leave);
                 return Ok(self.finish(false).pop());
             }
         }
         Ok(None)
     }
 
-    fn take_over(&mut self, desk: &mut Desk, wire: Wire, peer: ProcessId) -> Option<Vec<Answer>> {
+    fn take_over(&mut self, context: &mut Context, wire: Wire, peer: ProcessId) -> Option<Vec<Answer>> {
         let Some(initiator) = initiator(peer.role) else { return Some(Vec::new()) };
         if let Some(before) = self.clients.iter().copied().find(|client| client.initiator == initiator) {
             if before.peer.epoch > peer.epoch {
-                desk.network.close(desk.me, wire);
+                context.network.close(context.me, wire);
                 return Some(vec![Answer::Incident(format!("{peer} comes after its successor: not admitted"))]);
             }
-            self.remove(desk, before.wire);
+            self.remove(context, before.wire);
         }
         self.clients.push(Client { initiator, peer, wire });
         Some(Vec::new())
     }
 
-    fn arrived(&mut self, desk: &mut Desk, wire: Wire, parcel: &Parcel) -> Option<Vec<Answer>> {
+    fn arrived(&mut self, context: &mut Context, wire: Wire, parcel: &Parcel) -> Option<Vec<Answer>> {
         let client = self.clients.iter().copied().find(|client| client.wire == wire)?;
         Some(match parcel {
-            Parcel::Message(Message::Frame(frame)) => self.request(desk, client, frame),
+            Parcel::Message(Message::Frame(frame)) => self.request(context, client, frame),
             Parcel::End => {
-                self.remove(desk, wire);
+                self.remove(context, wire);
                 self.finish(false)
             }
             _ => Vec::new(),
         })
     }
 
-    fn timer(&mut self, _desk: &mut Desk, timer: Timer) -> Vec<Answer> {
+    fn timer(&mut self, _desk: &mut Context, timer: Timer) -> Vec<Answer> {
         if timer == Timer::Leave { self.finish(true) } else { Vec::new() }
     }
 }

@@ -5,24 +5,26 @@
 //! schedule (topology, faults) ─▶ world (the manager's shell) ─▶ network (delays, cuts, ends, timers)
 //!                                  host: the driver of every other process ◀┘
 //!                                  tracer, memory, files: its workers
-//!                                  promises: what must hold when it is over
+//!                                  invariants: what must hold when it is over
 //! ```
 
 pub mod arbitrary;
+mod bounds;
 mod child;
 mod cluster;
 mod dice;
 mod files;
+mod forgery;
 mod host;
+mod hostile;
+mod invariants;
 mod memory;
-mod mischief;
 mod network;
-mod promises;
 mod roles;
-pub(in crate::processes) mod scenery;
 mod schedule;
 mod simulated;
 mod stopwatch;
+pub(in crate::processes) mod test_scene;
 mod tracer;
 mod world;
 
@@ -31,13 +33,13 @@ mod tests;
 
 use std::time::Duration;
 
-pub use self::cluster::{Cluster, Rendered};
-use self::scenery::Scenery;
-pub use self::schedule::{Schedule, What};
+pub use self::cluster::{Cluster, Incomplete, Rendered};
+pub use self::schedule::{FaultKind, Schedule};
 pub use self::stopwatch::Clock;
+use self::test_scene::TestScene;
 pub use self::world::Recovery;
 use self::world::World;
-pub use super::manager::rehearsal::End;
+pub use super::manager::simulated::End;
 
 /// What came of a schedule.
 #[derive(Clone, Debug)]
@@ -60,17 +62,30 @@ pub struct Outcome {
     pub under_way_most: usize,
     /// Tiles of the finished image whose pixels are not what they should be.
     pub wrong_tiles: usize,
-    /// Promises that were not kept, each with what shows it.
+    /// Invariants that do not hold, each with what shows it.
     pub broken: Vec<String>,
     /// What the report would tell, for a look at what went on.
     pub incidents: Vec<String>,
 }
 
-/// Rehearses a schedule to its end. `clock` measures what deciding costs.
-pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
-    let scenery = Scenery::spheres(schedule.tiles());
-    let mut world = World::new(schedule, &scenery, clock);
+/// Simulates a schedule to its end, and the run that resumes it if it is interrupted. `clock` measures what deciding costs.
+pub fn simulate(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
+    let scene = TestScene::spheres(schedule.tiles());
+    let mut world = World::new(schedule, &scene, clock, None);
     world.run();
+    let first = outcome(schedule, &world);
+    if !first.broken.is_empty() || first.end != Some(End::Interrupted) {
+        return first;
+    }
+    let schedule = schedule.resuming();
+    let mut resumed = World::new(&schedule, &scene, clock, Some(&world));
+    resumed.run();
+    let mut second = outcome(&schedule, &resumed);
+    second.incidents.splice(0..0, first.incidents);
+    Outcome { took: first.took + second.took, decisions: first.decisions + second.decisions, ..second }
+}
+
+fn outcome(schedule: &Schedule, world: &World) -> Outcome {
     Outcome {
         end: world.manager.end(),
         took: world.network.now,
@@ -81,10 +96,10 @@ pub fn rehearse(schedule: &Schedule, clock: Option<Clock>) -> Outcome {
         out_most: world.most.out,
         tiles_a_node_most: world.tiles_a_node,
         under_way_most: world.network.longest,
-        wrong_tiles: promises::wrong_tiles(schedule, &world).len(),
-        broken: promises::broken(schedule, &world),
-        incidents: incidents(&world),
-        recoveries: world.recoveries,
+        wrong_tiles: invariants::wrong_tiles(schedule, world).len(),
+        broken: invariants::broken(schedule, world),
+        incidents: incidents(world),
+        recoveries: world.recoveries.clone(),
     }
 }
 

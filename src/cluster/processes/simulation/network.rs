@@ -14,7 +14,7 @@ use crate::processes::manager::process::{Command, ProcessId, Report};
 const DELAY: [Duration; 2] = [Duration::from_micros(30), Duration::from_micros(600)];
 const SPIKE: u32 = 50;
 /// From the death of a process until it is known.
-const BURIAL: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(3)];
+const EXIT_DELAY: [Duration; 2] = [Duration::from_micros(100), Duration::from_millis(3)];
 
 /// A process, in the order in which they were started.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -60,8 +60,10 @@ pub(super) enum Timer {
     Traced,
     /// A bus waits no longer for those who have not left.
     Leave,
+    /// The manager is interrupted.
+    Interrupt,
     /// Nobody hangs up.
-    Farewell,
+    HangUp,
 }
 
 /// What concerns somebody.
@@ -82,7 +84,7 @@ pub(super) enum Trouble {
 }
 
 #[derive(Debug)]
-enum Happening {
+enum Planned {
     /// The next parcel of the stream to this end.
     Delivery(Wire, usize),
     Timer(Actor, Timer),
@@ -96,7 +98,7 @@ struct Due {
     at: Duration,
     /// What was planned first happens first.
     number: u64,
-    what: Happening,
+    what: Planned,
 }
 
 #[derive(Debug)]
@@ -116,7 +118,9 @@ struct Stream {
     /// Its writer has ended it.
     ended: bool,
     /// Nobody reads it any more.
-    deaf: bool,
+    unread: bool,
+    /// Its reader leaves everything where it is.
+    held: bool,
 }
 
 #[derive(Debug, Default)]
@@ -172,12 +176,12 @@ impl Network {
             let Reverse(Due { at, what, .. }) = self.due.pop()?;
             self.now = at;
             match what {
-                Happening::Delivery(wire, end) => {
+                Planned::Delivery(wire, end) => {
                     if let Some(arrived) = self.deliver(wire, end) {
                         return Some(arrived);
                     }
                 }
-                Happening::Timer(actor, timer) => {
+                Planned::Timer(actor, timer) => {
                     let host = &mut self.hosts[actor.0];
                     match host {
                         Host { dead: true, .. } => {}
@@ -185,9 +189,9 @@ impl Network {
                         _ => return Some(Occurrence::Timer(actor, timer)),
                     }
                 }
-                Happening::Exited(actor, how) => return Some(Occurrence::Exited(actor, how)),
-                Happening::Fault(fault) => return Some(Occurrence::Fault(fault)),
-                Happening::Relief(actor, trouble) => self.relieve(actor, trouble),
+                Planned::Exited(actor, how) => return Some(Occurrence::Exited(actor, how)),
+                Planned::Fault(fault) => return Some(Occurrence::Fault(fault)),
+                Planned::Relief(actor, trouble) => self.relieve(actor, trouble),
             }
         }
     }
@@ -196,21 +200,21 @@ impl Network {
         let Ends { actors, streams } = &mut self.wires[wire.0];
         let (to, from) = (actors[end], actors[1 - end]);
         let stream = &mut streams[end];
-        if self.hosts[to.0].stopped > 0 || self.hosts[to.0].cut > 0 || self.hosts[from.0].cut > 0 {
+        if stream.held || self.hosts[to.0].stopped > 0 || self.hosts[to.0].cut > 0 || self.hosts[from.0].cut > 0 {
             stream.stalled += 1;
             return None;
         }
         let parcel = stream.parcels.pop_front()?;
-        let unread = stream.deaf || self.hosts[to.0].dead;
+        let unread = stream.unread || self.hosts[to.0].dead;
         (!unread).then_some(Occurrence::Arrived(to, wire, parcel))
     }
 
     pub(super) fn wake(&mut self, actor: Actor, after: Duration, timer: Timer) {
-        self.plan(self.now + after, Happening::Timer(actor, timer));
+        self.plan(self.now + after, Planned::Timer(actor, timer));
     }
 
     pub(super) fn fault(&mut self, at: Duration, fault: usize) {
-        self.plan(at.max(self.now), Happening::Fault(fault));
+        self.plan(at.max(self.now), Planned::Fault(fault));
     }
 
     /// Whoever listens there says [`Parcel::Welcome`], or the connection ends.
@@ -245,6 +249,17 @@ impl Network {
         self.wires[wire.0].streams[self.other_end(from, wire)].parcels.len()
     }
 
+    /// The reader of a connection does not read it any more, and keeps it.
+    pub(super) fn hold(&mut self, reader: Actor, wire: Wire) {
+        let end = 1 - self.other_end(reader, wire);
+        self.wires[wire.0].streams[end].held = true;
+    }
+
+    /// The other end.
+    pub(super) fn peer(&self, of: Actor, wire: Wire) -> Actor {
+        self.wires[wire.0].actors[self.other_end(of, wire)]
+    }
+
     /// Ends our direction, after what was sent.
     pub(super) fn finish(&mut self, by: Actor, wire: Wire) {
         let end = self.other_end(by, wire);
@@ -255,7 +270,7 @@ impl Network {
     pub(super) fn close(&mut self, by: Actor, wire: Wire) {
         self.finish(by, wire);
         let end = self.other_end(by, wire);
-        self.wires[wire.0].streams[1 - end].deaf = true;
+        self.wires[wire.0].streams[1 - end].unread = true;
     }
 
     /// Both ends lose the connection, and what was under way.
@@ -285,8 +300,8 @@ impl Network {
         for wire in std::mem::take(&mut self.hosts[actor.0].wires) {
             self.finish(actor, wire);
         }
-        let after = self.dice.between(BURIAL[0], BURIAL[1]);
-        self.plan(self.now + after, Happening::Exited(actor, how));
+        let after = self.dice.between(EXIT_DELAY[0], EXIT_DELAY[1]);
+        self.plan(self.now + after, Planned::Exited(actor, how));
     }
 
     pub(super) fn is_dead(&self, actor: Actor) -> bool {
@@ -296,7 +311,7 @@ impl Network {
     /// Something is the matter with a process or its connections, for so long.
     pub(super) fn trouble(&mut self, actor: Actor, trouble: Trouble, lasts: Duration) {
         *self.count(actor, trouble) += 1;
-        self.plan(self.now + lasts, Happening::Relief(actor, trouble));
+        self.plan(self.now + lasts, Planned::Relief(actor, trouble));
     }
 
     fn relieve(&mut self, actor: Actor, trouble: Trouble) {
@@ -307,14 +322,14 @@ impl Network {
         }
         if trouble == Trouble::Stopped {
             for timer in std::mem::take(&mut self.hosts[actor.0].missed) {
-                self.plan(self.now, Happening::Timer(actor, timer));
+                self.plan(self.now, Planned::Timer(actor, timer));
             }
         }
         for wire in 0..self.wires.len() {
             if self.wires[wire].actors.contains(&actor) {
                 for end in [0, 1] {
                     for _ in 0..std::mem::take(&mut self.wires[wire].streams[end].stalled) {
-                        self.plan(self.now, Happening::Delivery(Wire(wire), end));
+                        self.plan(self.now, Planned::Delivery(Wire(wire), end));
                     }
                 }
             }
@@ -344,10 +359,10 @@ impl Network {
         self.longest = self.longest.max(stream.parcels.len());
         stream.last = stream.last.max(self.now + delay);
         let at = stream.last;
-        self.plan(at, Happening::Delivery(wire, end));
+        self.plan(at, Planned::Delivery(wire, end));
     }
 
-    fn plan(&mut self, at: Duration, what: Happening) {
+    fn plan(&mut self, at: Duration, what: Planned) {
         self.planned += 1;
         self.due.push(Reverse(Due { at, number: self.planned, what }));
     }

@@ -13,8 +13,9 @@ use crate::processes::driver::{Event, Machine};
 use crate::processes::manager::process::{Command, Report};
 use crate::processes::{display, master, node};
 use crate::protocol::control::NodeCommand;
+use ground::ids::{Attempt, TileId};
 
-pub(super) enum Body {
+pub(super) enum Process {
     Bus(Box<Host<Control, Memory>>),
     Master(Box<Host<master::state::State, NoTasks>>),
     Node(Box<Host<node::state::State, Tracer>>),
@@ -23,17 +24,17 @@ pub(super) enum Body {
 
 /// The same of whichever host.
 macro_rules! of_host {
-    ($body:expr, $host:ident => $what:expr) => {
-        match $body {
-            Body::Bus($host) => $what,
-            Body::Master($host) => $what,
-            Body::Node($host) => $what,
-            Body::Display($host) => $what,
+    ($process:expr, $host:ident => $what:expr) => {
+        match $process {
+            Process::Bus($host) => $what,
+            Process::Master($host) => $what,
+            Process::Node($host) => $what,
+            Process::Display($host) => $what,
         }
     };
 }
 
-impl Body {
+impl Process {
     pub(super) fn child(&self) -> &Child {
         of_host!(self, host => &host.child)
     }
@@ -50,17 +51,37 @@ impl Body {
         of_host!(self, host => host.timer(network, watch, timer));
     }
 
+    pub(super) fn is_hostile(&self) -> bool {
+        of_host!(self, host => host.hostile.is_some())
+    }
+
+    /// Most messages of it on their way to one client, and to one server.
+    pub(super) fn unread_most(&self) -> [usize; 2] {
+        of_host!(self, host => host.unread_most)
+    }
+
+    /// Whether what comes on a connection is read.
+    pub(super) fn reads(&self, wire: Wire) -> bool {
+        of_host!(self, host => host.reads(wire))
+    }
+
+    /// Attempts whose pixels it made up, finite and under its own permit.
+    pub(super) fn plausible(&self) -> impl Iterator<Item = (TileId, Attempt)> {
+        let plausible = of_host!(self, host => host.hostile.as_ref().map(|hostile| &hostile.forge.plausible));
+        plausible.into_iter().flatten().copied()
+    }
+
     /// SIGTERM, of a node.
     pub(super) fn terminate(&mut self, network: &mut Network, watch: &mut Stopwatch) {
         if let Self::Node(node) = self {
-            node.happen(network, watch, Event::Terminate);
+            node.handle(network, watch, Event::Terminate);
         }
     }
 
     /// What a node renders from now on is wrong.
     pub(super) fn corrupt(&mut self, network: &mut Network, watch: &mut Stopwatch) {
         if let Self::Node(node) = self {
-            node.happen(network, watch, Event::Command(NodeCommand::Corrupt));
+            node.handle(network, watch, Event::Command(NodeCommand::Corrupt));
         }
     }
 }
@@ -69,7 +90,7 @@ impl Body {
 pub(super) struct NoTasks;
 
 impl<M: Machine<Task = std::convert::Infallible>> Worker<M> for NoTasks {
-    fn begin(&mut self, _desk: &mut super::host::Desk, task: M::Task) -> Result<Option<M::Answer>, String> {
+    fn begin(&mut self, _desk: &mut super::host::Context, task: M::Task) -> Result<Option<M::Answer>, String> {
         match task {}
     }
 }

@@ -1,4 +1,4 @@
-//! What deciding costs on the host that rehearses. The simulation itself has no clock.
+//! What deciding costs on the host. The simulation itself has no clock.
 
 use std::time::Duration;
 

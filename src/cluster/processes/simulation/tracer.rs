@@ -1,13 +1,13 @@
 //! A node's tracer in virtual time: tiles are traced through a real local memory over a copy of the database, at once; what it
 //! fetched is then asked of the bus, one request after the other, and what comes is compared with the copy.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::dice::hash;
-use super::host::{Desk, Worker};
+use super::host::{Context, Worker};
 use super::network::{Message, Parcel, Timer, Wire};
 use crate::processes::node::state::{Answer, State, Task};
 use crate::processes::node::tiles::{Job, Traced};
@@ -15,16 +15,17 @@ use crate::protocol::control::{NodeConfiguration, Packets};
 use crate::protocol::frame::{self, PREFIX_BYTES};
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
 use crate::protocol::work::TileDone;
-use ground::ids::{Address, TileId};
+use ground::ids::{Address, Attempt, TileId};
 use machine::hardware::cluster_memory::ClusterMemory;
 use machine::hardware::local_memory::{Geometry, LineSource, LocalMemory};
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::MemorySize;
+use machine::hardware::stats::MemoryStats;
 use machine::hardware::transaction::{FetchRequest, PIXEL_BYTES};
 use trace::database::verify::Verified;
-use trace::tracer::TileTracer;
 use trace::tracer::simd::Simd;
 use trace::tracer::slices::Slices;
+use trace::tracer::{TileTracer, TraceStats};
 
 /// For the bus to answer the hello.
 const BUS_DEADLINE: Duration = Duration::from_secs(10);
@@ -39,7 +40,12 @@ pub(super) struct Tracer {
     local: Option<LocalMemory<Lru, Copied>>,
     jobs: VecDeque<Job>,
     under_way: Option<UnderWay>,
+    /// What was counted of each attempt.
+    pub(super) counted: HashMap<(TileId, Attempt), Counts>,
 }
+
+/// What a tracer and its local memory count.
+pub(super) type Counts = (TraceStats, Option<MemoryStats>);
 
 struct UnderWay {
     /// `None`: the database is pulled.
@@ -84,6 +90,7 @@ impl Tracer {
             local: None,
             jobs: VecDeque::new(),
             under_way: None,
+            counted: Default::default(),
         }
     }
 
@@ -101,7 +108,7 @@ impl Tracer {
     }
 
     /// The bus lets this node in.
-    fn welcomed(&mut self, desk: &mut Desk) -> Vec<Answer> {
+    fn welcomed(&mut self, context: &mut Context) -> Vec<Answer> {
         self.bus_reached = true;
         if self.local.is_some() {
             return vec![Answer::Ready(None)];
@@ -113,14 +120,14 @@ impl Tracer {
         };
         let requests = pieces.enumerate().map(request).collect();
         self.under_way = Some(UnderWay { traced: None, requests });
-        self.ask(desk)
+        self.ask(context)
     }
 
     /// Begins with the next tile.
-    fn turn(&mut self, desk: &mut Desk) {
+    fn turn(&mut self, context: &mut Context) {
         if let (None, Some(job)) = (&self.under_way, self.jobs.front()) {
             self.under_way = Some(UnderWay { traced: None, requests: VecDeque::new() });
-            desk.network.wake(desk.me, takes(job.tile), Timer::Traced);
+            context.network.wake(context.me, takes(job.tile), Timer::Traced);
         }
     }
 
@@ -146,78 +153,79 @@ impl Tracer {
             (MemoryRequest::Fetch { tile, attempt, section, address, line_bytes, lines, accesses_before }, data)
         };
         let render_cpu_nanoseconds = takes(tile).as_nanos() as u64;
+        self.counted.insert((tile, attempt), (trace.clone(), memory.clone()));
         let done = Box::new(TileDone { tile, attempt, trace, memory, render_cpu_nanoseconds });
         let traced = Some(Traced { done, pixels: Arc::new(pixels), permit });
         Some(UnderWay { traced, requests: fetched.into_iter().map(asked).collect() })
     }
 
     /// Sends the next request, or is done.
-    fn ask(&mut self, desk: &mut Desk) -> Vec<Answer> {
+    fn ask(&mut self, context: &mut Context) -> Vec<Answer> {
         let (Some(under_way), Some(bus)) = (&self.under_way, self.bus) else { return Vec::new() };
         if let Some((request, _)) = under_way.requests.front() {
-            send(desk, bus, request);
+            send(context, bus, request);
             return Vec::new();
         }
         let traced = self.under_way.take().and_then(|under_way| under_way.traced);
         let answer = match traced {
             Some(traced) => {
                 let TileDone { tile, attempt, .. } = *traced.done;
-                send(desk, bus, &MemoryRequest::Pixels { tile, attempt, bytes: PIXEL_BYTES });
+                send(context, bus, &MemoryRequest::Pixels { tile, attempt, bytes: PIXEL_BYTES });
                 Answer::Traced(traced)
             }
             None => Answer::Ready(Some(Packets { simd: Simd::Scalar, derived_bytes: 0 })),
         };
-        self.turn(desk);
+        self.turn(context);
         vec![answer]
     }
 
-    fn answered(&mut self, desk: &mut Desk, frame: &[u8]) -> Vec<Answer> {
+    fn answered(&mut self, context: &mut Context, frame: &[u8]) -> Vec<Answer> {
         let body = frame.get(PREFIX_BYTES..).unwrap_or_default();
         let expected = self.under_way.as_mut().and_then(|under_way| under_way.requests.pop_front());
         match (frame::decode::<MemoryReply>(body), expected) {
-            (Ok((MemoryReply::Data { .. }, data)), Some((_, expected))) if data == expected => self.ask(desk),
+            (Ok((MemoryReply::Data { .. }, data)), Some((_, expected))) if data == expected => self.ask(context),
             (Ok((MemoryReply::Refused(why), _)), _) => vec![Answer::Failed(why)],
             _ => vec![Answer::Failed("the bus answered with something else".to_owned())],
         }
     }
 }
 
-fn send(desk: &mut Desk, bus: Wire, request: &MemoryRequest) {
+fn send(context: &mut Context, bus: Wire, request: &MemoryRequest) {
     if let Ok(frame) = frame::encode(request, &[]) {
-        desk.network.send(desk.me, bus, Message::Frame(frame));
+        context.network.send(context.me, bus, Message::Frame(frame));
     }
 }
 
 impl Worker<State> for Tracer {
-    fn begin(&mut self, desk: &mut Desk, task: Task) -> Result<Option<Answer>, String> {
+    fn begin(&mut self, context: &mut Context, task: Task) -> Result<Option<Answer>, String> {
         match task {
             Task::Start(configuration) => {
-                self.bus = Some(desk.network.dial(desk.me, desk.id, configuration.bus, BUS_DEADLINE));
+                self.bus = Some(context.network.dial(context.me, context.id, configuration.bus, BUS_DEADLINE));
                 self.start(configuration)?;
             }
             Task::Trace(job) => {
                 self.jobs.push_back(job);
-                self.turn(desk);
+                self.turn(context);
             }
         }
         Ok(None)
     }
 
-    fn arrived(&mut self, desk: &mut Desk, wire: Wire, parcel: &Parcel) -> Option<Vec<Answer>> {
+    fn arrived(&mut self, context: &mut Context, wire: Wire, parcel: &Parcel) -> Option<Vec<Answer>> {
         (self.bus == Some(wire)).then(|| match parcel {
-            Parcel::Welcome => self.welcomed(desk),
-            Parcel::Message(Message::Frame(frame)) => self.answered(desk, frame),
+            Parcel::Welcome => self.welcomed(context),
+            Parcel::Message(Message::Frame(frame)) => self.answered(context, frame),
             Parcel::End => vec![Answer::Failed("the bus closed the connection".to_owned())],
             _ => Vec::new(),
         })
     }
 
-    fn timer(&mut self, desk: &mut Desk, timer: Timer) -> Vec<Answer> {
+    fn timer(&mut self, context: &mut Context, timer: Timer) -> Vec<Answer> {
         match timer {
             Timer::Traced => match self.jobs.pop_front() {
                 Some(job) => {
                     self.under_way = self.trace(job);
-                    self.ask(desk)
+                    self.ask(context)
                 }
                 None => Vec::new(),
             },

@@ -4,20 +4,23 @@
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
+use super::bounds;
 use super::child::Child;
 use super::files::{Files, Journal};
+use super::forgery;
 use super::host::Host;
 use super::memory::Memory;
 use super::network::{Actor, MANAGER, Message, Network, Occurrence, Parcel, Timer, Trouble, Wire};
-use super::roles::{Body, NoTasks};
-use super::scenery::Scenery;
-use super::schedule::{Schedule, What};
+use super::roles::{NoTasks, Process};
+use super::schedule::{FaultKind, Interrupt, Schedule};
 use super::stopwatch::{Clock, Stopwatch};
-use super::tracer::Tracer;
+use super::test_scene::TestScene;
+use super::tracer::{Counts, Tracer};
 use crate::processes::bus::control::Control;
 use crate::processes::display::state as display;
 use crate::processes::manager::process::{Command, ProcessId, Report};
-use crate::processes::manager::rehearsal::{self, Queues, Rehearsal};
+use crate::processes::manager::simulated::Interrupt as Signal;
+use crate::processes::manager::simulated::{self, Queues, SimulatedManager};
 use crate::processes::manager::state::{Action, Event};
 use crate::processes::master::state as master;
 use crate::processes::node::state as node;
@@ -25,7 +28,7 @@ use crate::protocol::control::{BusReport, DisplayReport, MasterReport, NodeRepor
 use crate::protocol::frame::{self, PREFIX_BYTES};
 use crate::protocol::hello::Role;
 use crate::protocol::memory::{BULK_BYTES_MAX, MemoryReply, MemoryRequest};
-use ground::ids::{Address, Epoch};
+use ground::ids::{Address, Attempt, Epoch, NodeId, Producer, RunId, TileId};
 
 /// As in the manager's shell and its port.
 const TICK: Duration = Duration::from_millis(50);
@@ -38,16 +41,16 @@ const MYSELF: ProcessId = ProcessId { role: Role::Manager, epoch: Epoch(0) };
 
 pub(super) struct World<'a> {
     schedule: &'a Schedule,
-    scenery: &'a Scenery,
+    scene: &'a TestScene,
     pub(super) network: Network,
-    pub(super) manager: Rehearsal,
+    pub(super) manager: SimulatedManager,
     pub(super) watch: Stopwatch,
     pub(super) journal: Journal,
     /// By actor; the manager has none.
-    pub(super) bodies: Vec<Option<Body>>,
+    pub(super) processes: Vec<Option<Process>>,
     actors: HashMap<ProcessId, Actor>,
     /// Who holds a place, or held it last.
-    holders: HashMap<Role, Actor>,
+    occupants: HashMap<Role, Actor>,
     /// Spawned and not connected yet.
     expected: HashSet<ProcessId>,
     controls: HashMap<ProcessId, Wire>,
@@ -60,7 +63,18 @@ pub(super) struct World<'a> {
     /// When the last stop or cut so far is over.
     troubled_until: Duration,
     /// Processes whose tiles are wrong.
-    pub(super) corrupted: HashSet<ProcessId>,
+    pub(super) corrupted: HashSet<Producer>,
+    run: RunId,
+    interrupted: bool,
+    /// Of the run that this one resumes: attempts whose pixels were made up, finite and permitted, and what was condemned.
+    pub(super) made_up_before: HashSet<(Producer, TileId, Attempt)>,
+    pub(super) condemned_before: HashSet<Producer>,
+    /// Forgeries that reached an honest process, and that process.
+    pub(super) forgeries: HashSet<(ProcessId, Producer)>,
+    /// What honest nodes counted in tiles that were accepted of them, by node.
+    pub(super) counted: Vec<Counts>,
+    /// The first bound that was exceeded.
+    pub(super) excess: Option<String>,
     /// The most that waited at any time.
     pub(super) most: Queues,
     /// Most tiles that a master had, queued or handed out, per node.
@@ -78,7 +92,7 @@ struct Upload {
 /// From a fault to the next tile that was done.
 #[derive(Clone, Copy, Debug)]
 pub struct Recovery {
-    pub what: What,
+    pub kind: FaultKind,
     pub role: Role,
     /// Since the run began.
     pub at: Duration,
@@ -88,19 +102,27 @@ pub struct Recovery {
 }
 
 impl<'a> World<'a> {
-    pub(super) fn new(schedule: &'a Schedule, scenery: &'a Scenery, clock: Option<Clock>) -> Self {
-        let Scenery { database, view, tiling } = scenery;
-        let (manager, actions) = Rehearsal::start(&schedule.play, &database.database().header, view.clone(), *tiling);
+    /// `before`: a run that this one resumes.
+    pub(super) fn new(
+        schedule: &'a Schedule,
+        scene: &'a TestScene,
+        clock: Option<Clock>,
+        before: Option<&World>,
+    ) -> Self {
+        let run = if before.is_some() { RunId(simulated::RUN.0 + 1) } else { simulated::RUN };
+        let TestScene { database, view, tiling } = scene;
+        let image = (view.clone(), *tiling);
+        let (manager, actions) = SimulatedManager::start(&schedule.scenario, run, &database.database().header, image);
         let mut world = Self {
             schedule,
-            scenery,
+            scene,
             network: Network::new(schedule.seed),
             manager,
             watch: Stopwatch::new(clock),
-            journal: Journal::default(),
-            bodies: vec![None],
+            journal: before.map(|before| Journal::clone(&before.journal)).unwrap_or_default(),
+            processes: vec![None],
             actors: HashMap::new(),
-            holders: HashMap::new(),
+            occupants: HashMap::new(),
             expected: HashSet::new(),
             controls: HashMap::new(),
             peers: HashMap::new(),
@@ -109,7 +131,18 @@ impl<'a> World<'a> {
             unrecovered: Vec::new(),
             recoveries: Vec::new(),
             troubled_until: Duration::ZERO,
-            corrupted: HashSet::new(),
+            corrupted: before.map(|before| before.corrupted.clone()).unwrap_or_default(),
+            run,
+            interrupted: false,
+            made_up_before: before.map(World::made_up).unwrap_or_default(),
+            // A display that was ended before it was told, or lies, may have left their tiles in the journal.
+            condemned_before: before
+                .filter(|before| !before.schedule.troubles(Role::Display))
+                .map(|before| before.manager.condemned().collect())
+                .unwrap_or_default(),
+            forgeries: HashSet::new(),
+            counted: vec![Default::default(); usize::from(schedule.all_nodes())],
+            excess: None,
             most: Queues::default(),
             tiles_a_node: 0,
         };
@@ -127,6 +160,32 @@ impl<'a> World<'a> {
         }
     }
 
+    /// Attempts whose pixels hostile nodes made up, finite and under their own permit.
+    fn made_up(&self) -> HashSet<(Producer, TileId, Attempt)> {
+        let hostile = self.processes.iter().flatten().filter(|process| process.is_hostile());
+        let all = hostile.flat_map(|process| {
+            let by = self.producer(process.child().id);
+            process.plausible().map(move |(tile, attempt)| (by, tile, attempt))
+        });
+        all.collect()
+    }
+
+    /// Whether pixels of an attempt were made up so that only `verify` can find it.
+    pub(super) fn is_made_up(&self, by: Producer, tile: TileId, attempt: Attempt) -> bool {
+        self.made_up_before.contains(&(by, tile, attempt)) || self.made_up().contains(&(by, tile, attempt))
+    }
+
+    /// Nodes of which a process became corrupt.
+    pub(super) fn corrupted_nodes(&self) -> usize {
+        let before = self.made_up_before.iter().map(|(by, ..)| by.node);
+        self.corrupted.iter().map(|by| by.node).chain(before).collect::<HashSet<_>>().len()
+    }
+
+    fn producer(&self, id: ProcessId) -> Producer {
+        let node = if let Role::Node(node) = id.role { node } else { NodeId(u16::MAX) };
+        Producer { run: self.run, node, epoch: id.epoch }
+    }
+
     /// The next thing happens. `false`: nothing can.
     fn step(&mut self) -> bool {
         match self.network.next() {
@@ -135,7 +194,7 @@ impl<'a> World<'a> {
             Some(Occurrence::Timer(MANAGER, timer)) => self.timer(timer),
             Some(Occurrence::Timer(actor, timer)) => self.went_off(actor, timer),
             Some(Occurrence::Exited(actor, how)) => {
-                if let Some(id) = self.bodies[actor.0].as_ref().map(|body| body.child().id) {
+                if let Some(id) = self.processes[actor.0].as_ref().map(|process| process.child().id) {
                     self.handle(Event::Exited(id, how.to_owned()));
                 }
             }
@@ -147,9 +206,22 @@ impl<'a> World<'a> {
 
     fn handle(&mut self, event: Event) {
         let before = self.manager.missing();
+        let condemned = self.manager.condemned().len();
+        let done = self.reported_done(&event);
         let now = self.network.now;
         let actions = self.watch.time(|| self.manager.handle(now, event));
         self.act(actions);
+        if let (true, Some((node, counted))) = (self.manager.missing() < before, done) {
+            let of_node = &mut self.counted[usize::from(node.0)];
+            of_node.0.add(&counted.0);
+            if let Some(memory) = counted.1 {
+                of_node.1.get_or_insert_default().add(&memory);
+            }
+        }
+        let more = self.manager.condemned().len() > condemned;
+        if let (Some(Interrupt::Condemned(after)), true) = (self.schedule.interrupt, more) {
+            self.interrupt(after);
+        }
         if self.manager.missing() < before {
             let alone = self.unrecovered.len() == 1;
             for mut recovery in self.unrecovered.drain(..) {
@@ -163,6 +235,39 @@ impl<'a> World<'a> {
         let most = &mut self.most;
         (most.out, most.checks) = (most.out.max(queues.out), most.checks.max(queues.checks));
         (most.wanted, most.processes) = (most.wanted.max(queues.wanted), most.processes.max(queues.processes));
+        if let Some(excess) = bounds::of_manager(&queues, self.schedule) {
+            self.excess.get_or_insert(excess);
+        }
+    }
+
+    fn interrupt(&mut self, after: Duration) {
+        if !std::mem::replace(&mut self.interrupted, true) {
+            self.network.wake(MANAGER, after, Timer::Interrupt);
+        }
+    }
+
+    /// What a node counted of a tile that its honest master reports done, if it is honest; one that is not, and whose counts
+    /// cannot be, is to be named.
+    fn reported_done(&mut self, event: &Event) -> Option<(NodeId, Counts)> {
+        let &Event::Report(master, Report::Master(MasterReport::Done { node, epoch, ref done })) = event else {
+            return None;
+        };
+        if self.process(master)?.is_hostile() {
+            return None;
+        }
+        let id = ProcessId { role: Role::Node(node), epoch };
+        let Process::Node(host) = self.process(id)? else { return None };
+        if host.hostile.is_none() {
+            return Some((node, host.worker.counted.get(&(done.tile, done.attempt)).cloned()?));
+        }
+        if self.manager.is_running() && (done.trace.rays[0] != 1 || done.trace.primitive_tests > 1 << 40) {
+            self.forgeries.insert((master, self.producer(id)));
+        }
+        None
+    }
+
+    pub(super) fn process(&self, id: ProcessId) -> Option<&Process> {
+        self.processes.get(self.actors.get(&id)?.0)?.as_ref()
     }
 
     fn act(&mut self, actions: Vec<Action>) {
@@ -180,7 +285,7 @@ impl<'a> World<'a> {
                 // There are no files.
                 Action::Begin => {}
                 Action::Upload(id, address) => {
-                    let deadline = self.schedule.play.run.deadlines.startup;
+                    let deadline = self.schedule.scenario.run.deadlines.startup;
                     let wire = self.network.dial(MANAGER, MYSELF, address, deadline);
                     self.uploads.insert(wire, Upload { bus: id, sent: 0 });
                 }
@@ -195,24 +300,24 @@ impl<'a> World<'a> {
             Role::Display => Report::Display(DisplayReport::Heartbeat),
             Role::Node(_) | Role::Manager => Report::Node(NodeReport::Heartbeat),
         };
-        let period = self.schedule.play.run.deadlines.heartbeat / HEARTBEATS;
+        let period = self.schedule.scenario.run.deadlines.heartbeat / HEARTBEATS;
         let child = Child::spawn(&mut self.network, id, heartbeat, period);
         self.actors.insert(id, child.me);
-        self.holders.insert(id.role, child.me);
+        self.occupants.insert(id.role, child.me);
         self.expected.insert(id);
-        let hostile = self.schedule.hostile(id, self.bodies.len() as u64);
-        self.bodies.push(Some(match id.role {
-            Role::Bus(_) => Body::Bus(Box::new(Host::new(child, Control::default(), Memory::default(), hostile))),
+        let hostile = self.schedule.hostile(id, self.processes.len() as u64);
+        self.processes.push(Some(match id.role {
+            Role::Bus(_) => Process::Bus(Box::new(Host::new(child, Control::default(), Memory::default(), hostile))),
             Role::Master(cluster) => {
-                Body::Master(Box::new(Host::new(child, master::State::new(cluster), NoTasks, hostile)))
+                Process::Master(Box::new(Host::new(child, master::State::new(cluster), NoTasks, hostile)))
             }
             Role::Display => {
                 let files = Files { journal: Journal::clone(&self.journal), finished: None };
-                Body::Display(Box::new(Host::new(child, display::State::new(rehearsal::RUN), files, hostile)))
+                Process::Display(Box::new(Host::new(child, display::State::new(self.run), files, hostile)))
             }
             Role::Node(_) | Role::Manager => {
-                let tracer = Tracer::new(self.scenery.database.clone());
-                Body::Node(Box::new(Host::new(child, node::State::new(id.role), tracer, hostile)))
+                let tracer = Tracer::new(self.scene.database.clone());
+                Process::Node(Box::new(Host::new(child, node::State::new(id.role), tracer, hostile)))
             }
         }));
     }
@@ -267,7 +372,7 @@ impl<'a> World<'a> {
             Parcel::Welcome => return self.upload(wire, bus, 0),
             Parcel::Message(Message::Frame(reply)) => {
                 match frame::decode(reply.get(PREFIX_BYTES..).unwrap_or_default()) {
-                    Ok((MemoryReply::Stored, _)) if sent < self.scenery.database.database().bytes().len() => {
+                    Ok((MemoryReply::Stored, _)) if sent < self.scene.database.database().bytes().len() => {
                         return self.upload(wire, bus, sent);
                     }
                     Ok((MemoryReply::Stored, _)) => Event::Uploaded(bus),
@@ -284,7 +389,7 @@ impl<'a> World<'a> {
 
     /// The next piece of the database, from this byte on.
     fn upload(&mut self, wire: Wire, bus: ProcessId, from: usize) {
-        let image = self.scenery.database.database().bytes();
+        let image = self.scene.database.database().bytes();
         let to = image.len().min(from + BULK_BYTES_MAX as usize);
         let store = MemoryRequest::Store { address: Address(from as u64) };
         if let Ok(frame) = frame::encode(&store, &image[from..to]) {
@@ -299,6 +404,7 @@ impl<'a> World<'a> {
                 self.network.wake(MANAGER, TICK, Timer::Tick);
                 self.handle(Event::Tick);
             }
+            Timer::Interrupt => self.handle(Event::Signal(Signal::Sigint)),
             Timer::Dialled(wire) => {
                 if let Some(Upload { bus, .. }) = self.uploads.remove(&wire) {
                     self.network.close(MANAGER, wire);
@@ -311,38 +417,68 @@ impl<'a> World<'a> {
 
     /// What comes for a child.
     fn arrived(&mut self, actor: Actor, wire: Wire, parcel: Parcel) {
-        let Some(body) = &mut self.bodies[actor.0] else { return };
+        self.note_forgery(actor, wire, &parcel);
+        let Some(process) = &mut self.processes[actor.0] else { return };
         let network = &mut self.network;
-        let child = body.child_mut();
+        let child = process.child_mut();
         match parcel {
             Parcel::Welcome if child.is_control(wire) => return child.welcomed(network),
             Parcel::End if child.is_control(wire) => return child.orphaned(network),
             _ if child.is_closing() => return,
             _ => {}
         }
-        body.arrived(network, &mut self.watch, wire, parcel);
-        self.look_at_master(actor);
+        process.arrived(network, &mut self.watch, wire, parcel);
+        self.check_bounds(actor);
     }
 
     fn went_off(&mut self, actor: Actor, timer: Timer) {
-        let Some(body) = &mut self.bodies[actor.0] else { return };
-        if body.child_mut().timer(&mut self.network, timer) || body.child().is_closing() {
+        let Some(process) = &mut self.processes[actor.0] else { return };
+        if process.child_mut().timer(&mut self.network, timer) || process.child().is_closing() {
             return;
         }
-        body.timer(&mut self.network, &mut self.watch, timer);
-        self.look_at_master(actor);
+        process.timer(&mut self.network, &mut self.watch, timer);
+        self.check_bounds(actor);
     }
 
-    fn look_at_master(&mut self, actor: Actor) {
-        if let Some(Body::Master(master)) = &self.bodies[actor.0] {
-            let tiles = master.machine.tiles().div_ceil(usize::from(self.schedule.play.nodes));
+    /// A forgery that reaches an honest process is to be named.
+    fn note_forgery(&mut self, to: Actor, wire: Wire, parcel: &Parcel) {
+        let Parcel::Message(Message::Frame(frame)) = parcel else { return };
+        let by = self.processes.get(self.network.peer(to, wire).0).and_then(Option::as_ref);
+        let (Some(by), Some(process)) = (by.filter(|by| by.is_hostile()), &self.processes[to.0]) else { return };
+        let Role::Node(_) = by.child().id.role else { return };
+        if self.manager.is_running() && !process.is_hostile() && process.reads(wire) {
+            let producer = self.producer(by.child().id);
+            if forgery::is_forged(process, producer, frame) {
+                self.forgeries.insert((process.child().id, producer));
+                if let Some(Interrupt::Forgery(after)) = self.schedule.interrupt {
+                    self.interrupt(after);
+                }
+            }
+        }
+    }
+
+    fn check_bounds(&mut self, actor: Actor) {
+        let Some(process) = &self.processes[actor.0] else { return };
+        if process.is_hostile() {
+            return;
+        }
+        if let Process::Master(master) = process {
+            let tiles = master.machine.tiles().div_ceil(usize::from(self.schedule.scenario.nodes));
             self.tiles_a_node = self.tiles_a_node.max(tiles);
+        }
+        if let Some(excess) = bounds::of_process(process, self.schedule, self.processes.len()) {
+            self.excess.get_or_insert(excess);
         }
     }
 
     /// Faults are due that wait for so many tiles.
     fn arm_faults(&mut self) {
         let done = self.schedule.tiles() - self.manager.missing();
+        if let Some(Interrupt::Tiles(tiles)) = self.schedule.interrupt
+            && tiles <= done
+        {
+            self.interrupt(Duration::ZERO);
+        }
         for (i, fault) in self.schedule.faults.iter().enumerate() {
             if !self.armed[i] && fault.tiles <= done {
                 self.armed[i] = true;
@@ -353,40 +489,41 @@ impl<'a> World<'a> {
 
     fn fault(&mut self, fault: usize) {
         let fault = self.schedule.faults[fault];
-        let Some(&actor) = self.holders.get(&fault.role) else { return };
+        let Some(&actor) = self.occupants.get(&fault.role) else { return };
         if self.network.is_dead(actor) {
             return;
         }
-        match fault.what {
-            What::Kill => self.network.exit(actor, "died of signal 9"),
-            What::Stop(lasts) => self.network.trouble(actor, Trouble::Stopped, lasts),
-            What::Cut(lasts) => self.network.trouble(actor, Trouble::Cut, lasts),
-            What::Tear => match self.network.any_wire(actor) {
+        match fault.kind {
+            FaultKind::Kill => self.network.exit(actor, "died of signal 9"),
+            FaultKind::Stop(lasts) => self.network.trouble(actor, Trouble::Stopped, lasts),
+            FaultKind::Cut(lasts) => self.network.trouble(actor, Trouble::Cut, lasts),
+            FaultKind::Tear => match self.network.any_wire(actor) {
                 Some(wire) => self.network.tear(wire),
                 None => return,
             },
-            What::Leave => {
-                if let Some(body) = &mut self.bodies[actor.0] {
-                    body.terminate(&mut self.network, &mut self.watch);
+            FaultKind::Leave => {
+                if let Some(process) = &mut self.processes[actor.0] {
+                    process.terminate(&mut self.network, &mut self.watch);
                 }
                 return;
             }
-            What::Corrupt => {
-                if let Some(body) = &mut self.bodies[actor.0] {
-                    body.corrupt(&mut self.network, &mut self.watch);
-                    self.corrupted.insert(body.child().id);
+            FaultKind::Corrupt => {
+                if let Some(process) = &mut self.processes[actor.0] {
+                    process.corrupt(&mut self.network, &mut self.watch);
+                    let id = process.child().id;
+                    self.corrupted.insert(self.producer(id));
                 }
                 return;
             }
         }
         self.unrecovered.push(Recovery {
-            what: fault.what,
+            kind: fault.kind,
             role: fault.role,
             at: self.network.now,
             took: Duration::ZERO,
             alone: self.network.now >= self.troubled_until,
         });
-        if let What::Stop(lasts) | What::Cut(lasts) = fault.what {
+        if let FaultKind::Stop(lasts) | FaultKind::Cut(lasts) = fault.kind {
             self.troubled_until = self.troubled_until.max(self.network.now + lasts);
         }
     }

@@ -11,6 +11,7 @@ use super::supervision::{Exit, FAILURES_MAX, Supervision};
 use super::tiles::JobQueue;
 use crate::protocol::control::MasterCommand;
 use crate::protocol::hello::Role;
+use crate::protocol::work::TILES_PER_NODE;
 use ground::ids::{ClusterId, Epoch, NodeId};
 use machine::hardware::specification;
 
@@ -32,7 +33,7 @@ pub(crate) struct Clusters {
 
 #[derive(Debug)]
 pub(crate) struct Cluster {
-    id: ClusterId,
+    pub(crate) id: ClusterId,
     /// Of its bus and its master.
     epoch: Epoch,
     bus: Option<SocketAddr>,
@@ -211,10 +212,16 @@ impl Clusters {
         }
     }
 
-    /// A master can take so many more tiles.
-    pub(super) fn want(&mut self, cluster: ClusterId, tiles: u32) {
+    /// A master, which has `out` tiles, can take so many more. It is given [`TILES_PER_NODE`] at most, whatever it asks for.
+    pub(super) fn want(&mut self, cluster: ClusterId, tiles: u32, out: u32) {
+        let room = (TILES_PER_NODE * u32::from(self.specification.nodes)).saturating_sub(out);
         let wanted = &mut self.cluster(cluster).wanted;
-        *wanted = wanted.saturating_add(tiles);
+        *wanted = wanted.saturating_add(tiles).min(room);
+    }
+
+    /// Whether there is such a node in a cluster.
+    pub(super) fn has(&self, cluster: ClusterId, node: NodeId) -> bool {
+        usize::from(node.0) < self.slots.len() && self.specification.of(node) == cluster
     }
 
     /// Kills masters that report nothing of a tile. A master asks for eight tiles per node, each node does one tile after the

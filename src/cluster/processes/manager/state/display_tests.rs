@@ -6,7 +6,7 @@ use super::super::fixture;
 use super::super::process::{Command, ProcessId, Report};
 use super::tests::{BUS, DISPLAY, MASTER, Stage, address, finish_display, granted, holdings, node};
 use crate::protocol::control::{BusReport, DisplayCommand, DisplayReport, Holdings, MasterReport, NodeCommand, Share};
-use ground::ids::{Epoch, Producer, TileId};
+use ground::ids::{Epoch, NodeId, Producer, TileId};
 use machine::hardware::totals::{BusTotals, MasterTotals};
 
 #[test]
@@ -100,7 +100,7 @@ fn a_display_that_has_a_tile_beyond_the_image_is_killed() {
     assert_eq!(stage.incidents(), ["the display has tile 2 of an image of 2"]);
 }
 
-/// Found by `simulation::arbitrary`: each such report asked for all comparisons once more.
+/// Each such report asked for all comparisons once more.
 #[test]
 fn what_a_display_restored_is_verified_once_however_often_it_reports_it() {
     let mut plan = fixture::plan(1, 4);
@@ -119,4 +119,18 @@ fn a_run_that_is_over_does_nothing_more() {
     stage.all_exit(&[node(0, 0), BUS, MASTER]);
     assert!(stage.state.over().is_some() && stage.state.next_deadline().is_none());
     assert!(stage.bus(BusReport::Listening(address(7))).is_empty() && stage.happens(Event::Tick).is_empty());
+}
+
+/// Found by `simulation::arbitrary`: the node was told of a new display, which killed it.
+#[test]
+fn a_node_that_is_not_connected_does_not_work_whatever_a_master_reports() {
+    let mut stage = Stage::running(1, 2);
+    stage.exits(node(0, 0));
+    stage.master(MasterReport::NodeReady { node: NodeId(0), epoch: Epoch(1) });
+    let next = ProcessId { epoch: Epoch(1), ..DISPLAY };
+    stage.exits(DISPLAY);
+    stage.happens(Event::Connected(next));
+    stage.happens(Event::Report(next, Report::Display(DisplayReport::Restored(holdings([])))));
+    let actions = stage.happens(Event::Report(next, Report::Display(DisplayReport::Listening(address(9)))));
+    assert!(!actions.iter().any(|action| matches!(action, Action::Tell(id, _) if *id == node(0, 1))), "{actions:?}");
 }

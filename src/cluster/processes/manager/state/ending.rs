@@ -15,6 +15,8 @@ use crate::protocol::hello::Role;
 const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1500);
 /// From a server's death until everybody is killed; the display needs some time for the partial image.
 const FAILED_DEADLINE: Duration = Duration::from_secs(5);
+/// For the masters to close their books where the end is not peaceful.
+const MASTERS_DEADLINE: Duration = Duration::from_millis(500);
 /// For the last processes to go after they have told everything.
 const FAREWELL_DEADLINE: Duration = Duration::from_secs(2);
 /// From killing a process until its death is confirmed.
@@ -37,11 +39,13 @@ struct Closing {
     cause: Cause,
     step: Step,
     deadline: Duration,
+    /// Of all steps together, where the end is not peaceful.
+    last: Duration,
     /// Who kept us waiting past the deadline was killed.
     forced: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 enum Step {
     Nodes,
     Master,
@@ -90,7 +94,7 @@ impl Ending {
     pub(super) fn begin(&mut self, cause: Cause, tiles: &mut Tiles, supervision: &mut Supervision) {
         let deadline = supervision.now + patience(&cause, Step::Nodes, supervision);
         let gently = cause == Cause::Complete;
-        self.phase = Phase::Closing(Closing { cause, step: Step::Nodes, deadline, forced: false });
+        self.phase = Phase::Closing(Closing { cause, step: Step::Nodes, deadline, last: deadline, forced: false });
         let nodes: Vec<_> = supervision.table.nodes().map(|node| (node.id, node.stage)).collect();
         for (id, stage) in nodes {
             match stage {
@@ -107,6 +111,7 @@ impl Ending {
             Phase::Closing(closing) if closing.cause.is_peaceful() => {
                 closing.cause = Cause::Failed(why);
                 closing.deadline = closing.deadline.min(supervision.now + FAILED_DEADLINE);
+                closing.last = closing.deadline;
             }
             _ => supervision.incident(why),
         }
@@ -119,6 +124,7 @@ impl Ending {
         if closing.cause.is_peaceful() {
             closing.cause = Cause::Interrupted(signal);
             closing.deadline = closing.deadline.min(supervision.now + INTERRUPTED_DEADLINE);
+            closing.last = closing.deadline;
             return;
         }
         (closing.step, closing.forced) = (Step::Farewell, true);
@@ -130,7 +136,9 @@ impl Ending {
     pub(super) fn advance(&mut self, display: &mut Display, tiles: &mut Tiles, supervision: &mut Supervision) {
         while let Phase::Closing(closing) = &mut self.phase {
             let step = closing.step;
-            if step != Step::Nodes {
+            // What a master found out before an end that is not peaceful is in the journal before the display ends.
+            let is_next = step == Step::Master && closing.cause.is_peaceful();
+            if is_next || step > Step::Master {
                 finish_display(closing.cause.is_peaceful(), display, tiles, supervision);
             }
             if supervision.table.iter().any(|process| keeps_waiting(process, step)) {
@@ -184,9 +192,12 @@ impl Closing {
         self.step = step;
         if self.cause.is_peaceful() || step == Step::Farewell {
             self.deadline = supervision.now + patience(&self.cause, step, supervision);
-        } else if self.forced {
-            // An end that is not peaceful has one deadline for all steps; this one has had to wait for a killing.
-            self.deadline = supervision.now + KILL_DEADLINE;
+        } else {
+            // An end that is not peaceful has one deadline for all steps, but for masters that hang: the display is to write
+            // what there is. A step that has had to wait for a killing has some time in any case.
+            let least = if self.forced { supervision.now + KILL_DEADLINE } else { Duration::ZERO };
+            let most = if step == Step::Master { supervision.now + MASTERS_DEADLINE } else { Duration::MAX };
+            self.deadline = self.last.max(least).min(most);
         }
         self.forced = false;
     }

@@ -34,6 +34,11 @@ impl IncidentLog {
         self.kept.len() as u64 + self.dropped
     }
 
+    /// Those that are kept.
+    pub(crate) fn len(&self) -> usize {
+        self.kept.len()
+    }
+
     /// All of them, the last one saying how many more there were.
     pub(crate) fn all(&self) -> Vec<Incident> {
         let mut all = self.kept.clone();

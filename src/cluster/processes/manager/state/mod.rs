@@ -35,7 +35,9 @@ use super::cause::{Cause, Interrupt};
 pub(in crate::processes) use super::event::{Action, Event};
 use super::plan::Plan;
 use super::process::{ProcessId, Report, Stage};
-use crate::protocol::control::{BusReport, Comparison, DisplayReport, Holdings, MasterReport, NodeReport};
+use crate::protocol::control::{
+    BusReport, Comparison, DisplayReport, Holdings, MasterReport, NodeReport, PRODUCERS_MAX,
+};
 use crate::protocol::hello::Role;
 use crate::protocol::work::TileDone;
 use ground::ids::{ClusterId, Epoch, NodeId, Producer};
@@ -175,13 +177,16 @@ impl State {
     }
 
     fn told_by_display(&mut self, id: ProcessId, report: DisplayReport) {
-        if let DisplayReport::Restored(holdings) | DisplayReport::Holdings { holdings, .. } = &report {
-            let total = self.tiles.queue.total();
-            if let Some(share) = holdings.shares.iter().find(|share| share.latest.0 >= total) {
-                return self.supervision.kill(id, format!("has {} of an image of {total}", share.latest));
-            }
-        }
+        let total = self.tiles.queue.total();
         match report {
+            DisplayReport::Restored(ref holdings) | DisplayReport::Holdings { ref holdings, .. }
+                if holdings.shares.iter().any(|share| share.latest.0 >= total) =>
+            {
+                self.supervision.kill(id, format!("reported a tile that an image of {total} does not have"));
+            }
+            DisplayReport::Restored(_) if !self.supervision.is_at(id, Stage::Connected) => {
+                self.supervision.kill(id, "reported twice what it restored".to_owned());
+            }
             DisplayReport::Heartbeat | DisplayReport::Incident(_) => {}
             DisplayReport::Failed(why) => self.supervision.kill(id, format!("failed: {why}")),
             DisplayReport::Restored(holdings) if self.display.begins() => self.tiles.resume(&holdings),
@@ -196,6 +201,9 @@ impl State {
                 self.configure_nodes();
             }
             DisplayReport::Compared(comparison) => self.compared(&comparison),
+            DisplayReport::Forged { node, .. } if node.0 >= self.supervision.plan.cluster.all_nodes() => {
+                self.supervision.kill(id, format!("reported about {node}, which does not exist"));
+            }
             DisplayReport::Forged { node, epoch, why } => {
                 self.condemn(self.producer(node, epoch), &format!("it sent what is not its own: {why}"));
             }
@@ -214,8 +222,11 @@ impl State {
                     self.display.shares = holdings.shares;
                 }
             }
-            DisplayReport::Finished(_) if self.ending.is_running() => self.ends_early(id),
+            DisplayReport::Finished(_) if !self.supervision.is_at(id, Stage::Working) => self.ends_early(id),
             DisplayReport::Finished(totals) => {
+                if self.ending.is_completing() && totals.tiles_done != total {
+                    self.fail(format!("the display wrote {} of {total} tiles", totals.tiles_done));
+                }
                 self.supervision.enter(id, Stage::Finished);
                 self.tiles.ledger.display = Some(totals);
             }
@@ -228,29 +239,36 @@ impl State {
 
     fn told_by_master(&mut self, id: ProcessId, report: MasterReport) {
         let Role::Master(cluster) = id.role else { return };
+        if let Some(node) = report.node().filter(|node| !self.clusters.has(cluster, *node)) {
+            return self.supervision.kill(id, format!("reported about {node}, which is none of its nodes"));
+        }
         match report {
             MasterReport::Heartbeat | MasterReport::Incident(_) => {}
             MasterReport::Listening(address) => {
                 self.clusters.master_listens(id, cluster, address, &mut self.supervision);
                 self.configure_nodes();
             }
-            MasterReport::TilesWanted(tiles) => self.clusters.want(cluster, tiles),
+            MasterReport::TilesWanted(tiles) => {
+                self.clusters.want(cluster, tiles, self.tiles.queue.out_of_cluster(cluster));
+            }
             MasterReport::NodeReady { node, epoch } => {
                 self.tiles.ledger.first_tile.get_or_insert(self.supervision.now);
-                self.supervision.enter(ProcessId { role: Role::Node(node), epoch }, Stage::Working);
+                let id = ProcessId { role: Role::Node(node), epoch };
+                if self.supervision.table.get_mut(id).is_some_and(|node| node.stage == Stage::Serving) {
+                    self.supervision.enter(id, Stage::Working);
+                }
             }
             MasterReport::Done { node, epoch, done } => {
                 self.done((cluster, id.epoch), self.producer(node, epoch), &done);
             }
             MasterReport::Lost(lost) => {
-                for attempt in &lost {
-                    self.tiles.queue.lose(attempt.tile, attempt.attempt);
-                }
-                self.tiles.ledger.book((cluster, id.epoch)).lost.extend(lost);
+                self.tiles.lose((cluster, id.epoch), lost);
             }
             MasterReport::Returned(grants) => {
                 for (tile, attempt) in grants {
-                    self.tiles.queue.lose(tile, attempt);
+                    if self.tiles.queue.is_out(cluster, tile, attempt) {
+                        self.tiles.queue.lose(tile, attempt);
+                    }
                 }
             }
             MasterReport::Forged { node, epoch, why } => self.condemn(self.producer(node, epoch), &why),
@@ -365,6 +383,9 @@ impl State {
     /// A process is wrong, or forges what it reports: it is ended, its node is quarantined, and all that it did is done
     /// again, whichever run it was part of.
     fn condemn(&mut self, process: Producer, why: &str) {
+        if self.tiles.verification.condemned().len() >= PRODUCERS_MAX {
+            return self.fail(format!("more than {PRODUCERS_MAX} processes are to be condemned"));
+        }
         let Some(tiles) = self.tiles.condemn(process) else { return };
         let Producer { run, node, epoch } = process;
         if run == self.supervision.plan.id {

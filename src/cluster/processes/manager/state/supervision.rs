@@ -58,6 +58,10 @@ impl Supervision {
         self.actions.push(Action::Spawn(id));
     }
 
+    pub(super) fn is_at(&self, id: ProcessId, stage: Stage) -> bool {
+        self.table.iter().any(|process| process.id == id && process.stage == stage)
+    }
+
     pub(super) fn enter(&mut self, id: ProcessId, stage: Stage) {
         let now = self.now;
         if let Some(process) = self.table.get_mut(id) {

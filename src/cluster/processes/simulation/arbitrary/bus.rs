@@ -1,6 +1,6 @@
 //! What a bus's control conversation may be given.
 
-use super::super::mischief::Invention;
+use super::super::hostile::Forge;
 use super::machine::Arbitrary;
 use crate::processes::bus::control::{Answer, Control, Never, Task};
 use crate::processes::driver::PeerId;
@@ -18,9 +18,9 @@ impl Arbitrary for Control {
         Self::default()
     }
 
-    fn command(invention: &mut Invention) -> BusCommand {
-        match invention.dice.below(3) {
-            0 => BusCommand::Finish { lost: invention.lost() },
+    fn command(forge: &mut Forge) -> BusCommand {
+        match forge.dice.below(3) {
+            0 => BusCommand::Finish { lost: forge.lost() },
             _ => BusCommand::Configure(BusConfiguration {
                 cluster: ClusterId(0),
                 arbiter: Arbiter::Fifo,
@@ -30,15 +30,15 @@ impl Arbitrary for Control {
         }
     }
 
-    fn message(_invention: &mut Invention, _peer: PeerId, _sent: &[Never]) -> Option<Never> {
+    fn message(_forge: &mut Forge, _peer: PeerId, _sent: &[Never]) -> Option<Never> {
         None
     }
 
-    fn answer(invention: &mut Invention, _task: Task) -> Answer {
-        match invention.dice.below(4) {
+    fn answer(forge: &mut Forge, _task: Task) -> Answer {
+        match forge.dice.below(4) {
             0 => Answer::Incident("an incident".to_owned()),
             1 => Answer::Ended(Err("a failure".to_owned())),
-            _ => Answer::Ended(Ok(BusTotals { fetches: invention.count(), ..BusTotals::default() })),
+            _ => Answer::Ended(Ok(BusTotals { fetches: forge.count(), ..BusTotals::default() })),
         }
     }
 }

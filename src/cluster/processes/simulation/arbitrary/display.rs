@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use super::super::mischief::Invention;
+use super::super::hostile::Forge;
 use super::machine::{Arbitrary, TILES};
 use crate::journal::Record;
 use crate::processes::display::state::{Answer, Incoming, Outgoing, State, Task};
@@ -26,17 +26,17 @@ impl Arbitrary for State {
         Self::new(RunId(1))
     }
 
-    fn command(invention: &mut Invention) -> DisplayCommand {
-        match invention.dice.below(8) {
+    fn command(forge: &mut Forge) -> DisplayCommand {
+        match forge.dice.below(8) {
             0 => DisplayCommand::Finish,
-            1 | 2 => DisplayCommand::Condemn(invention.producer()),
-            3 => DisplayCommand::TellHoldings { question: invention.dice.below(3) as u32 },
+            1 | 2 => DisplayCommand::Condemn(forge.producer()),
+            3 => DisplayCommand::TellHoldings { question: forge.dice.below(3) as u32 },
             _ => DisplayCommand::Configure(DisplayConfiguration {
                 tiling: Tiling::new(Sides { width: TILES, height: 1, tile_width: 1, tile_height: 1 })
                     .expect("possible"),
                 aov: AovSet::default(),
                 journal: "tiles".into(),
-                resume: invention.dice.chance(50),
+                resume: forge.dice.chance(50),
                 fingerprint: [0; 32],
                 key: KEY,
                 image: "image.png".into(),
@@ -45,16 +45,16 @@ impl Arbitrary for State {
         }
     }
 
-    fn message(invention: &mut Invention, peer: PeerId, _sent: &[Outgoing]) -> Option<Incoming> {
+    fn message(forge: &mut Forge, peer: PeerId, _sent: &[Outgoing]) -> Option<Incoming> {
         let Role::Node(node) = peer.role else { return None };
-        let (tile, attempt) = (invention.tile(), invention.attempt());
+        let (tile, attempt) = (forge.tile(), forge.attempt());
         let claim = Claim { tile, attempt, node, epoch: peer.epoch };
-        let permit = if invention.dice.chance(90) { KEY.permit(claim) } else { invention.mac() };
-        let length = if invention.dice.chance(90) { PLANES_BYTES } else { invention.dice.below(20) as usize };
+        let permit = if forge.dice.chance(90) { KEY.permit(claim) } else { forge.mac() };
+        let length = if forge.dice.chance(90) { PLANES_BYTES } else { forge.dice.below(20) as usize };
         // Of two kinds, and some that are not finite.
-        let value = if invention.dice.chance(90) { invention.dice.below(2) as u8 } else { 0xff };
+        let value = if forge.dice.chance(90) { forge.dice.below(2) as u8 } else { 0xff };
         let planes = Bytes::from(vec![value; length]);
-        let crc32c = crc32c::crc32c(&planes) ^ u32::from(invention.dice.chance(5));
+        let crc32c = crc32c::crc32c(&planes) ^ u32::from(forge.dice.chance(5));
         Some(Incoming { tile: TilePixels { tile, attempt, permit, crc32c }, planes })
     }
 
@@ -62,19 +62,19 @@ impl Arbitrary for State {
         matches!(task, Task::Append(_))
     }
 
-    fn answer(invention: &mut Invention, task: Task) -> Answer {
+    fn answer(forge: &mut Forge, task: Task) -> Answer {
         match task {
             Task::Restore(mut composition, _) => {
-                for _ in 0..invention.dice.below(4) {
-                    let (attempt, producer) = (invention.attempt(), invention.producer());
-                    composition.restore(&match invention.dice.below(4) {
+                for _ in 0..forge.dice.below(4) {
+                    let (attempt, producer) = (forge.attempt(), forge.producer());
+                    composition.restore(&match forge.dice.below(4) {
                         0 => Record::Condemned(producer),
-                        _ => Record::Pixels { tile: invention.tile(), attempt, producer, planes: &[0; PLANES_BYTES] },
+                        _ => Record::Pixels { tile: forge.tile(), attempt, producer, planes: &[0; PLANES_BYTES] },
                     });
                 }
-                Answer::Restored(composition, invention.dice.chance(20).then(|| "a torn record".to_owned()))
+                Answer::Restored(composition, forge.dice.chance(20).then(|| "a torn record".to_owned()))
             }
-            Task::Append(_) | Task::Write(_) if invention.dice.chance(20) => Answer::Written(Err("full".to_owned())),
+            Task::Append(_) | Task::Write(_) if forge.dice.chance(20) => Answer::Written(Err("full".to_owned())),
             Task::Append(_) | Task::Write(_) => Answer::Written(Ok(DisplayTotals {
                 sha256: String::new(),
                 tiles_done: 0,

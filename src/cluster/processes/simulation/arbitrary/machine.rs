@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::super::dice::Dice;
-use super::super::mischief::Invention;
+use super::super::hostile::Forge;
 use crate::processes::driver::{Action, Admission, ConnectionId, Event, Loss, Machine, Outgoing, PeerId};
 use crate::protocol::frame;
 use crate::protocol::hello::Role;
@@ -35,10 +35,10 @@ pub(super) trait Arbitrary: Machine<Outgoing: Clone> {
     /// About to be configured.
     fn begin() -> Self;
 
-    fn command(invention: &mut Invention) -> Self::Command;
+    fn command(forge: &mut Forge) -> Self::Command;
 
     /// A message of this peer; `sent` is what went to it lately. `None`: it sends nothing.
-    fn message(invention: &mut Invention, peer: PeerId, sent: &[Self::Outgoing]) -> Option<Self::Incoming>;
+    fn message(forge: &mut Forge, peer: PeerId, sent: &[Self::Outgoing]) -> Option<Self::Incoming>;
 
     /// Whether the worker is done with it when it has begun, without an answer.
     fn is_done_at_once(_task: &Self::Task) -> bool {
@@ -46,12 +46,12 @@ pub(super) trait Arbitrary: Machine<Outgoing: Clone> {
     }
 
     /// What the worker answers to another one.
-    fn answer(invention: &mut Invention, task: Self::Task) -> Self::Answer;
+    fn answer(forge: &mut Forge, task: Self::Task) -> Self::Answer;
 }
 
 pub(super) struct Course<M: Arbitrary> {
     machine: M,
-    invention: Invention,
+    forge: Forge,
     now: Duration,
     admission: Option<Admission>,
     accepted: u64,
@@ -80,7 +80,7 @@ impl<M: Arbitrary> Course<M> {
         let dice = Dice::Bytes(bytes.iter().copied().collect());
         let mut course = Self {
             machine: M::begin(),
-            invention: Invention { dice, nodes: NODES, tiles: TILES },
+            forge: Forge::new(dice, NODES, TILES),
             now: Duration::ZERO,
             admission: None,
             accepted: 0,
@@ -88,11 +88,11 @@ impl<M: Arbitrary> Course<M> {
             tasks: VecDeque::new(),
             is_over: false,
         };
-        while !course.invention.dice.is_spent() {
-            if course.invention.dice.chance(20) {
+        while !course.forge.dice.is_spent() {
+            if course.forge.dice.chance(20) {
                 course.wait();
             } else {
-                course.now += course.invention.dice.between(Duration::ZERO, PAUSE_MAX) / 16;
+                course.now += course.forge.dice.between(Duration::ZERO, PAUSE_MAX) / 16;
                 if let Some(event) = course.event() {
                     course.happen(event);
                 }
@@ -111,14 +111,14 @@ impl<M: Arbitrary> Course<M> {
     }
 
     fn event(&mut self) -> Option<Event<M>> {
-        let invention = &mut self.invention;
-        Some(match invention.dice.below(32) {
-            0..6 => Event::Command(M::command(invention)),
+        let forge = &mut self.forge;
+        Some(match forge.dice.below(32) {
+            0..6 => Event::Command(M::command(forge)),
             6 if M::LEAVES => Event::Terminate,
             7 => Event::Refused("a stranger".to_owned()),
-            8 if invention.dice.chance(10) => Event::Failed("no space left".to_owned()),
+            8 if forge.dice.chance(10) => Event::Failed("no space left".to_owned()),
             9..12 => {
-                let peer = PeerId { role: Role::Node(invention.node()), epoch: invention.epoch() };
+                let peer = PeerId { role: Role::Node(forge.node()), epoch: forge.epoch() };
                 self.admission.filter(|admission| admission.check(peer.role).is_ok())?;
                 let id = ConnectionId::Accepted(self.accepted);
                 self.accepted += 1;
@@ -132,19 +132,19 @@ impl<M: Arbitrary> Course<M> {
             }
             15 => {
                 let id = self.any(|_| true)?;
-                let loss = Loss { why: "a peer: gone".to_owned(), is_breach: self.invention.dice.chance(50) };
-                let is_lost = self.connections.get(&id)?.stage != Stage::Closed && self.invention.dice.chance(70);
+                let loss = Loss { why: "a peer: gone".to_owned(), is_breach: self.forge.dice.chance(50) };
+                let is_lost = self.connections.get(&id)?.stage != Stage::Closed && self.forge.dice.chance(70);
                 self.connections.get_mut(&id)?.stage = Stage::Closed;
                 Event::Closed(id, is_lost.then_some(loss))
             }
             16..21 => {
                 let task = self.tasks.pop_front()?;
-                Event::Answer(M::answer(&mut self.invention, task))
+                Event::Answer(M::answer(&mut self.forge, task))
             }
             _ => {
                 let id = self.any(|stage| stage == Stage::Open)?;
                 let Connection { peer, sent, .. } = self.connections.get(&id)?;
-                Event::Received(id, M::message(&mut self.invention, *peer, sent)?)
+                Event::Received(id, M::message(&mut self.forge, *peer, sent)?)
             }
         })
     }
@@ -153,7 +153,7 @@ impl<M: Arbitrary> Course<M> {
     fn any(&mut self, is_suitable: impl Fn(Stage) -> bool) -> Option<ConnectionId> {
         let suitable = self.connections.iter().filter(|(_, connection)| is_suitable(connection.stage));
         let ids: Vec<_> = suitable.map(|(id, _)| *id).collect();
-        (!ids.is_empty()).then(|| *self.invention.dice.choose(&ids))
+        (!ids.is_empty()).then(|| *self.forge.dice.choose(&ids))
     }
 
     /// An event, and what the driver does at once about the actions.
@@ -220,7 +220,7 @@ impl<M: Arbitrary> Course<M> {
                 }
             }
             Action::Task(task) => {
-                if self.invention.dice.chance(1) {
+                if self.forge.dice.chance(1) {
                     return Some(Event::Failed("the worker cannot".to_owned()));
                 }
                 if !M::is_done_at_once(&task) {

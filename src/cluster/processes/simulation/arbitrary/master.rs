@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use super::super::mischief::Invention;
+use super::super::hostile::Forge;
 use super::machine::{Arbitrary, NODES};
 use crate::processes::driver::PeerId;
 use crate::processes::master::state::{Incoming, Outgoing, State};
@@ -22,19 +22,19 @@ impl Arbitrary for State {
         Self::new(ClusterId(0))
     }
 
-    fn command(invention: &mut Invention) -> MasterCommand {
-        match invention.dice.below(16) {
+    fn command(forge: &mut Forge) -> MasterCommand {
+        match forge.dice.below(16) {
             0 => MasterCommand::Finish,
-            1 => MasterCommand::NodeSetAside { node: invention.node() },
-            2..5 => MasterCommand::NodeLost { node: invention.node(), epoch: invention.epoch() },
-            5..11 => MasterCommand::Tiles((0..invention.dice.below(4)).map(|_| grant(invention)).collect()),
+            1 => MasterCommand::NodeSetAside { node: forge.node() },
+            2..5 => MasterCommand::NodeLost { node: forge.node(), epoch: forge.epoch() },
+            5..11 => MasterCommand::Tiles((0..forge.dice.below(4)).map(|_| grant(forge)).collect()),
             _ => {
                 // Some clusters end with the last node that can be.
-                let first = [0, 0, 0, u16::MAX - NODES + 1][invention.dice.below(4) as usize];
+                let first = [0, 0, 0, u16::MAX - NODES + 1][forge.dice.below(4) as usize];
                 MasterCommand::Configure(MasterConfiguration {
                     bus: ([127, 0, 0, 1], 1).into(),
                     first_node: NodeId(first),
-                    nodes: if invention.dice.chance(95) { NODES } else { invention.dice.below(1 << 16) as u16 },
+                    nodes: if forge.dice.chance(95) { NODES } else { forge.dice.below(1 << 16) as u16 },
                     assignment: Assignment::OnDemand,
                     tile_deadline_milliseconds: 1000,
                     key: KEY,
@@ -43,33 +43,33 @@ impl Arbitrary for State {
         }
     }
 
-    fn message(invention: &mut Invention, peer: PeerId, sent: &[Outgoing]) -> Option<Incoming> {
+    fn message(forge: &mut Forge, peer: PeerId, sent: &[Outgoing]) -> Option<Incoming> {
         // A bus has nothing to say.
         let Role::Node(node) = peer.role else { return None };
-        if invention.dice.chance(50) {
+        if forge.dice.chance(50) {
             return Some(Incoming(WorkRequest::Ready));
         }
-        let mut done = invention.done();
+        let mut done = forge.done();
         if !sent.is_empty()
-            && let Outgoing::Work(WorkReply::Job { tile, attempt, .. }) = invention.dice.choose(sent)
+            && let Outgoing::Work(WorkReply::Job { tile, attempt, .. }) = forge.dice.choose(sent)
         {
             (done.tile, done.attempt) = (*tile, *attempt);
         }
         let claim = Claim { tile: done.tile, attempt: done.attempt, node, epoch: peer.epoch };
-        let receipt = if invention.dice.chance(95) { KEY.receipt(claim) } else { invention.mac() };
+        let receipt = if forge.dice.chance(95) { KEY.receipt(claim) } else { forge.mac() };
         Some(Incoming(WorkRequest::Done { done, receipt }))
     }
 
-    fn answer(_invention: &mut Invention, task: Infallible) -> Infallible {
+    fn answer(_forge: &mut Forge, task: Infallible) -> Infallible {
         task
     }
 }
 
-fn grant(invention: &mut Invention) -> TileGrant {
+fn grant(forge: &mut Forge) -> TileGrant {
     TileGrant {
-        tile: invention.tile(),
-        attempt: invention.attempt(),
-        node: invention.dice.chance(20).then(|| invention.node()),
-        except: (0..invention.dice.below(3)).map(|_| invention.node()).collect(),
+        tile: forge.tile(),
+        attempt: forge.attempt(),
+        node: forge.dice.chance(20).then(|| forge.node()),
+        except: (0..forge.dice.below(3)).map(|_| forge.node()).collect(),
     }
 }

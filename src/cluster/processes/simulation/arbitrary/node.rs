@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::super::mischief::Invention;
-use super::super::scenery::Scenery;
+use super::super::hostile::Forge;
+use super::super::test_scene::TestScene;
 use super::machine::{Arbitrary, TILES};
 use crate::processes::driver::PeerId;
 use crate::processes::node::state::{Answer, Incoming, Outgoing, State, Task};
@@ -26,9 +26,9 @@ impl Arbitrary for State {
         Self::new(Role::Node(NodeId(0)))
     }
 
-    fn command(invention: &mut Invention) -> NodeCommand {
-        let [master, bus, display] = [(); 3].map(|()| ([127, 0, 0, 1], invention.dice.below(9) as u16).into());
-        match invention.dice.below(16) {
+    fn command(forge: &mut Forge) -> NodeCommand {
+        let [master, bus, display] = [(); 3].map(|()| ([127, 0, 0, 1], forge.dice.below(9) as u16).into());
+        match forge.dice.below(16) {
             0 => NodeCommand::Finish,
             1 => NodeCommand::Corrupt,
             2..7 => NodeCommand::Display(display),
@@ -36,31 +36,31 @@ impl Arbitrary for State {
         }
     }
 
-    fn message(invention: &mut Invention, peer: PeerId, sent: &[Outgoing]) -> Option<Incoming> {
+    fn message(forge: &mut Forge, peer: PeerId, sent: &[Outgoing]) -> Option<Incoming> {
         if let Role::Master(_) = peer.role {
-            let (tile, attempt, permit) = (invention.tile(), invention.attempt(), invention.mac());
+            let (tile, attempt, permit) = (forge.tile(), forge.attempt(), forge.mac());
             return Some(Incoming::Work(WorkReply::Job { tile, attempt, permit }));
         }
-        if invention.dice.chance(2) {
+        if forge.dice.chance(2) {
             return Some(Incoming::Image(ImageReply::Refused("no".to_owned())));
         }
-        let (mut tile, mut attempt, receipt) = (invention.tile(), invention.attempt(), invention.mac());
-        if invention.dice.chance(95) {
+        let (mut tile, mut attempt, receipt) = (forge.tile(), forge.attempt(), forge.mac());
+        if forge.dice.chance(95) {
             let Some(Outgoing::Pixels { tile: sent, attempt: of, .. }) = sent.first() else { return None };
             (tile, attempt) = (*sent, *of);
         }
         Some(Incoming::Image(ImageReply::Acknowledged { tile, attempt, receipt }))
     }
 
-    fn answer(invention: &mut Invention, task: Task) -> Answer {
+    fn answer(forge: &mut Forge, task: Task) -> Answer {
         match task {
-            _ if invention.dice.chance(5) => Answer::Failed("a failure".to_owned()),
+            _ if forge.dice.chance(5) => Answer::Failed("a failure".to_owned()),
             Task::Start(_) => {
-                let packets = Packets { simd: Simd::Scalar, derived_bytes: invention.count() };
-                Answer::Ready(invention.dice.chance(50).then_some(packets))
+                let packets = Packets { simd: Simd::Scalar, derived_bytes: forge.count() };
+                Answer::Ready(forge.dice.chance(50).then_some(packets))
             }
             Task::Trace(job) => {
-                let done = TileDone { tile: job.tile, attempt: job.attempt, ..*invention.done() };
+                let done = TileDone { tile: job.tile, attempt: job.attempt, ..*forge.done() };
                 let pixels = Arc::new(Pixels { colour: vec![[0.5; 3]], ..Pixels::default() });
                 Answer::Traced(Traced { done: Box::new(done), pixels, permit: job.permit })
             }
@@ -69,7 +69,7 @@ impl Arbitrary for State {
 }
 
 fn configuration([master, bus, display]: [std::net::SocketAddr; 3]) -> NodeConfiguration {
-    let Scenery { database, view, tiling } = Scenery::spheres(TILES);
+    let TestScene { database, view, tiling } = TestScene::spheres(TILES);
     NodeConfiguration {
         cluster: ClusterId(0),
         master,

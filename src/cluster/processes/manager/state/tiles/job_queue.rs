@@ -1,6 +1,6 @@
 //! The manager's job queue: which tile waits, which is out, which is done, and which are to be done twice.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use crate::protocol::control::TileGrant;
@@ -27,6 +27,8 @@ pub(crate) struct JobQueue {
     lanes: Vec<Lane>,
     tiles: Vec<Tile>,
     out: BTreeMap<(TileId, Attempt), Out>,
+    /// How many of these each cluster has, by cluster id.
+    out_of_clusters: Vec<u32>,
     /// Waiting to be done once more, by other nodes than these.
     checks: VecDeque<(TileId, Vec<NodeId>)>,
     missing: u32,
@@ -109,6 +111,7 @@ impl JobQueue {
             lanes: lanes.collect(),
             tiles: vec![waiting; order.len()],
             out: BTreeMap::new(),
+            out_of_clusters: vec![0; usize::from(clusters.count)],
             checks: VecDeque::new(),
             missing: order.len() as u32,
             reissued: 0,
@@ -145,6 +148,23 @@ impl JobQueue {
         self.out.len()
     }
 
+    /// Attempts that the master of a cluster has.
+    pub(crate) fn out_of_cluster(&self, cluster: ClusterId) -> u32 {
+        self.out_of_clusters[usize::from(cluster.0)]
+    }
+
+    /// Whether the master of this cluster has the attempt.
+    pub(crate) fn is_out(&self, cluster: ClusterId, tile: TileId, attempt: Attempt) -> bool {
+        self.out.get(&(tile, attempt)).is_some_and(|out| out.cluster == cluster)
+    }
+
+    /// The attempt is not out any more.
+    fn take(&mut self, tile: TileId, attempt: Attempt) -> Option<Out> {
+        let out = self.out.remove(&(tile, attempt))?;
+        self.out_of_clusters[usize::from(out.cluster.0)] -= 1;
+        Some(out)
+    }
+
     /// Whether all is done, and nobody works on anything.
     pub(crate) fn is_quiet(&self) -> bool {
         self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
@@ -169,6 +189,11 @@ impl JobQueue {
             Progress::Done { attempt, .. } => Some(attempt),
             _ => None,
         }
+    }
+
+    /// Attempts at all tiles.
+    pub(crate) fn issued(&self) -> u64 {
+        self.tiles.iter().map(|tile| u64::from(tile.attempts)).sum()
     }
 
     /// Attempts after a tile's first.
@@ -254,13 +279,14 @@ impl JobQueue {
                 Vec::new()
             }
         };
+        self.out_of_clusters[usize::from(out.cluster.0)] += 1;
         self.out.insert((tile, attempt), out);
         TileGrant { tile, attempt, node, except }
     }
 
     /// An attempt is complete, and the display has its pixels.
     pub(crate) fn complete(&mut self, tile: TileId, attempt: Attempt, by: Producer, now: Duration) -> Completion {
-        let Some(out) = self.out.remove(&(tile, attempt)) else { return Completion::Unknown };
+        let Some(out) = self.take(tile, attempt) else { return Completion::Unknown };
         let entry = &mut self.tiles[tile.0 as usize];
         let is_awaited = matches!(entry.progress, Progress::Out | Progress::Waiting);
         if !is_awaited || matches!(out.kind, Kind::Check(_)) {
@@ -281,10 +307,13 @@ impl JobQueue {
 
     /// An attempt came to nothing: the tile waits again, ahead of the others, unless somebody else has it.
     pub(crate) fn lose(&mut self, tile: TileId, attempt: Attempt) -> bool {
-        let Some(out) = self.out.remove(&(tile, attempt)) else { return false };
+        let Some(out) = self.take(tile, attempt) else { return false };
         let is_out = self.out_of(tile).any(|(_, other)| !matches!(other.kind, Kind::Check(_)));
         let entry = &mut self.tiles[tile.0 as usize];
         match out.kind {
+            // The tile is to be done again itself, or another check of it waits.
+            Kind::Check(_) if !matches!(entry.progress, Progress::Done { .. }) => {}
+            Kind::Check(_) if self.checks.iter().any(|(waiting, _)| *waiting == tile) => {}
             Kind::Check(except) => self.checks.push_front((tile, except)),
             _ if entry.progress == Progress::Out && !is_out => {
                 entry.progress = Progress::Waiting;
@@ -327,6 +356,12 @@ impl JobQueue {
     /// A done tile is to be rendered once more, by none of these nodes, and compared.
     pub(crate) fn check(&mut self, tile: TileId, except: Vec<NodeId>) {
         self.checks.push_back((tile, except));
+    }
+
+    /// The same of many, but for those of which a check waits: however often they are asked for, one does.
+    pub(crate) fn check_all(&mut self, tiles: impl IntoIterator<Item = (TileId, Vec<NodeId>)>) {
+        let waiting: BTreeSet<_> = self.checks.iter().map(|(tile, _)| *tile).collect();
+        self.checks.extend(tiles.into_iter().filter(|(tile, _)| !waiting.contains(tile)));
     }
 
     /// A tile is in dispute: a check that is for none of these nodes takes the place of one that waits. However often a

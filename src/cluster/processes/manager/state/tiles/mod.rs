@@ -48,6 +48,11 @@ impl Tiles {
         done: &TileDone,
         now: Duration,
     ) -> Option<Completion> {
+        if !self.queue.is_out(cluster.0, done.tile, done.attempt) {
+            // An honest master may report what its predecessor's cluster was told lost, and no more.
+            self.ledger.told_done(cluster, done);
+            return Some(Completion::Unknown);
+        }
         if self.verification.is_condemned(by) {
             self.ledger.disown(cluster, done);
             self.queue.lose(done.tile, done.attempt);
@@ -64,6 +69,15 @@ impl Tiles {
         Some(completion)
     }
 
+    /// Attempts came to nothing, as the master of a cluster says. Those that it does not have are not counted.
+    pub(super) fn lose(&mut self, cluster: (ClusterId, Epoch), mut lost: Vec<LostAttempt>) {
+        lost.retain(|attempt| self.queue.is_out(cluster.0, attempt.tile, attempt.attempt));
+        lost.iter().for_each(|attempt| {
+            self.queue.lose(attempt.tile, attempt.attempt);
+        });
+        self.ledger.book(cluster).lost.extend(lost);
+    }
+
     /// Tiles that are done, and that `is_gone` chooses, are to be done again. How many there are.
     pub(super) fn redo(&mut self, is_gone: impl Fn(TileId, Option<Producer>) -> bool) -> usize {
         let redone = self.queue.redo(is_gone);
@@ -77,7 +91,7 @@ impl Tiles {
     /// A process is wrong: all that it did is done again. How many tiles; `None`: it is known to be wrong.
     pub(super) fn condemn(&mut self, process: Producer) -> Option<usize> {
         let unvouched = self.verification.condemn(process)?;
-        unvouched.into_iter().for_each(|(tile, node)| self.queue.check(tile, vec![node]));
+        self.queue.check_all(unvouched.into_iter().map(|(tile, node)| (tile, vec![node])));
         self.ledger.forget(process);
         Some(self.redo(|_, by| by == Some(process)))
     }
@@ -94,7 +108,7 @@ impl Tiles {
     /// All tiles are there: the latest one of each process is verified too. `false`: each is.
     pub(super) fn verify_latest(&mut self, shares: &[Share]) -> bool {
         let latest = self.verification.latest(shares);
-        latest.iter().for_each(|&(tile, node)| self.queue.check(tile, vec![node]));
+        self.queue.check_all(latest.iter().map(|&(tile, node)| (tile, vec![node])));
         !latest.is_empty()
     }
 

@@ -17,6 +17,9 @@ use ground::ids::{NodeId, Producer, RunId, TileId};
 /// from a process that is condemned.
 const COMPARISON_DEADLINE: Duration = Duration::from_millis(500);
 
+/// Results of one tile. Two nodes that agree settle it, so that honest displays have fewer.
+const RESULTS_MAX: usize = 256;
+
 #[derive(Debug)]
 pub(crate) struct Verification {
     /// Of the tiles, 0 to 1.
@@ -131,6 +134,11 @@ impl Verification {
         latest.into_iter().map(|(tile, by)| (tile, by.node)).collect()
     }
 
+    /// Tiles whose comparison is awaited, and most results of one of them.
+    pub(crate) fn sizes(&self) -> (usize, usize) {
+        (self.open.len(), self.open.values().map(|case| case.results.len()).max().unwrap_or_default())
+    }
+
     /// Whether everything that was to be compared has been.
     pub(crate) fn is_idle(&self) -> bool {
         self.open.is_empty()
@@ -170,6 +178,10 @@ impl Verification {
         for TileResult { producer, digest } in [kept, other] {
             case.results.retain(|(known, _)| known != producer);
             case.results.push((*producer, Some(*digest)));
+        }
+        // Only a display that makes results up comes so far.
+        if case.results.len() > RESULTS_MAX {
+            case.results.truncate(2);
         }
         let nodes = case.nodes();
         if case.results.iter().all(|(_, digest)| *digest == Some(kept.digest)) {
@@ -249,7 +261,7 @@ impl Verification {
         self.condemned.contains(&process)
     }
 
-    pub(crate) fn condemned(&self) -> impl Iterator<Item = Producer> {
+    pub(crate) fn condemned(&self) -> impl ExactSizeIterator<Item = Producer> {
         self.condemned.iter().copied()
     }
 

@@ -16,13 +16,13 @@ use trace::tracer::{TileTracer, View};
 
 /// A database, and an image of it.
 #[derive(Clone, Debug)]
-pub(super) struct Scenery {
+pub(super) struct TestScene {
     pub(super) database: Verified,
     pub(super) view: View,
     pub(super) tiling: Tiling,
 }
 
-impl Scenery {
+impl TestScene {
     pub(super) fn spheres(tiles: u32) -> Self {
         let tiling = Tiling::new(Sides { width: tiles, height: 1, tile_width: 1, tile_height: 1 });
         Self { database: database().clone(), view: view(tiles), tiling: tiling.expect("possible") }

@@ -1,4 +1,4 @@
-//! What a log asks of its player, and whether it can be played at all: the first of two walks through it.
+//! What a log requires of its player, and whether it can be played at all: the first of two walks through it.
 
 use std::collections::BTreeSet;
 
@@ -7,11 +7,11 @@ use ground::ids::NodeId;
 use machine::hardware::transaction::{Kind, Transaction};
 use machine::recording::bus_log::{ReadError, Reader};
 
-/// Who speaks and when.
+/// Which initiators there are, and when the first request is due.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub(super) struct Score {
+pub(super) struct Schedule {
     pub(super) nodes: BTreeSet<NodeId>,
-    /// The master told jobs.
+    /// The master sent jobs.
     pub(super) has_jobs: bool,
     /// All but the upload's.
     pub(super) transactions: u64,
@@ -25,29 +25,29 @@ pub(super) struct Score {
     pub(super) fault: Option<ReadError>,
 }
 
-impl Score {
+impl Schedule {
     /// Reads a log to its end or, if it may be damaged, to its first fault. `image` is the database as it was
     /// rebuilt: the recorded upload must be of the same bytes.
     ///
     /// # Errors
     /// The log cannot be read, or holds what cannot be played again.
     pub(super) fn read(mut log: Reader, image: &[u8], nodes: u16, may_be_damaged: bool) -> Result<Self, PlayError> {
-        let mut score = Self::default();
+        let mut schedule = Self::default();
         loop {
             match log.next_rows() {
-                Ok(Some(rows)) => rows.iter().try_for_each(|row| score.note(row, image, nodes))?,
+                Ok(Some(rows)) => rows.iter().try_for_each(|row| schedule.note(row, image, nodes))?,
                 Ok(None) => break,
                 Err(fault) if may_be_damaged => {
-                    score.fault = Some(fault);
+                    schedule.fault = Some(fault);
                     break;
                 }
                 Err(fault) => return Err(fault.into()),
             }
         }
-        if score.uploaded_bytes < image.len() as u64 {
-            return Err(PlayError::UploadCut { recorded: score.uploaded_bytes, image: image.len() as u64 });
+        if schedule.uploaded_bytes < image.len() as u64 {
+            return Err(PlayError::UploadCut { recorded: schedule.uploaded_bytes, image: image.len() as u64 });
         }
-        Ok(score)
+        Ok(schedule)
     }
 
     fn note(&mut self, row: &Transaction, image: &[u8], nodes: u16) -> Result<(), PlayError> {
@@ -137,17 +137,17 @@ mod tests {
         Transaction { address: Some(Address(address)), ..row(sequence, Kind::Write) }
     }
 
-    fn score(rows: &[Transaction]) -> Result<Score, PlayError> {
-        let mut score = Score::default();
-        rows.iter().try_for_each(|row| score.note(row, &IMAGE, 4)).map(|()| score)
+    fn schedule(rows: &[Transaction]) -> Result<Schedule, PlayError> {
+        let mut schedule = Schedule::default();
+        rows.iter().try_for_each(|row| schedule.note(row, &IMAGE, 4)).map(|()| schedule)
     }
 
     #[test]
-    fn who_speaks_and_how_long_is_known_beforehand() {
+    fn initiators_and_duration_are_known_beforehand() {
         let rows = [write(0, 0), write(1, 256), row(2, Kind::Job), row(3, Kind::Fetch), row(4, Kind::Pixels)];
-        let score = score(&rows).expect("playable");
-        assert_eq!((score.nodes, score.has_jobs, score.transactions), (BTreeSet::from([NodeId(1)]), true, 3));
-        assert_eq!((score.first_request, score.recorded_nanoseconds, score.uploaded_bytes), (200, 202, 512));
+        let schedule = schedule(&rows).expect("playable");
+        assert_eq!((schedule.nodes, schedule.has_jobs, schedule.transactions), (BTreeSet::from([NodeId(1)]), true, 3));
+        assert_eq!((schedule.first_request, schedule.recorded_nanoseconds, schedule.uploaded_bytes), (200, 202, 512));
     }
 
     #[test]
@@ -169,7 +169,7 @@ mod tests {
             (vec![row(0, Kind::Publish)], "publish: it changes the image"),
             (vec![stranger], "it is of none of the topology's 4 nodes"),
         ] {
-            let error = score(&rows).expect_err(expected).to_string();
+            let error = schedule(&rows).expect_err(expected).to_string();
             assert!(error.contains(expected), "{error}");
         }
     }

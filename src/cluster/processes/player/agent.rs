@@ -1,5 +1,5 @@
-//! One connection to the bus: a node's or the master's, on a thread of its own. It says again what was said, one
-//! request at a time, and holds every answer against the recorded one.
+//! One connection to the bus: a node's or the master's, on a thread of its own. It sends the recorded requests again, one
+//! request at a time, and compares every answer with the recorded one.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +30,7 @@ pub(super) enum Due {
     Recorded { start: Instant, first_request: u64 },
 }
 
-/// What one voice did.
+/// What one agent sent.
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
     /// By [`Kind`].
@@ -74,12 +74,12 @@ impl Tally {
     }
 }
 
-pub(super) struct Voice {
+pub(super) struct Agent {
     connection: BlockingConnection<MemoryRequest, MemoryReply>,
     tally: Tally,
 }
 
-impl Voice {
+impl Agent {
     /// # Errors
     /// The bus does not answer, or refuses this process.
     pub(super) fn connect(bus: SocketAddr, role: Role, credentials: &Credentials) -> Result<Self, ConnectionError> {
@@ -88,24 +88,24 @@ impl Voice {
         Ok(Self { connection, tally: Tally::new() })
     }
 
-    /// Says all that comes, until nothing more does, or until it is to `stop`.
+    /// Sends all rows that come, until no more do, or until it is to `stop`.
     ///
     /// # Errors
     /// The bus is gone, is silent, or refuses a request.
-    pub(super) fn say_all(
+    pub(super) fn send_all(
         mut self,
         rows: &Receiver<Vec<Transaction>>,
         due: Due,
         stop: &AtomicBool,
     ) -> Result<Tally, ConnectionError> {
-        // An error means that sleeps end some 50 us late, which is told.
+        // An error means that sleeps end some 50 us late, which is reported.
         let _ = set_timerslack(1);
         for rows in rows {
             for row in rows {
                 if !self.wait(&row, due, stop) {
                     return Ok(self.tally);
                 }
-                self.say(&row)?;
+                self.send(&row)?;
             }
         }
         Ok(self.tally)
@@ -130,10 +130,10 @@ impl Voice {
         }
     }
 
-    fn say(&mut self, row: &Transaction) -> Result<(), ConnectionError> {
+    fn send(&mut self, row: &Transaction) -> Result<(), ConnectionError> {
         let Some(request) = request(row) else {
-            // The score has refused all such logs.
-            return Err(self.connection.error(Fault::Unexpected(format!("nobody says row {}", row.sequence))));
+            // The schedule has refused all such logs.
+            return Err(self.connection.error(Fault::Unexpected(format!("no initiator sends row {}", row.sequence))));
         };
         let sent = Instant::now();
         self.connection.send(&request, &[])?;
@@ -143,7 +143,9 @@ impl Voice {
             let found = (data.len(), crc32c::crc32c(data));
             let fault = match reply {
                 MemoryReply::Data { .. } => None,
-                MemoryReply::Stored => Some(Fault::Unexpected("it says that it stored, but was asked for data".into())),
+                MemoryReply::Stored => {
+                    Some(Fault::Unexpected("it reports that it stored, but was asked for data".into()))
+                }
                 MemoryReply::Refused(why) => Some(Fault::RefusedUs(why)),
             };
             if let Some(fault) = fault {
@@ -170,7 +172,7 @@ impl Voice {
     }
 }
 
-/// `None` for what neither nodes nor the master say.
+/// `None` for what neither nodes nor the master send.
 fn request(row: &Transaction) -> Option<MemoryRequest> {
     let bytes = row.bytes;
     Some(match row.kind {
