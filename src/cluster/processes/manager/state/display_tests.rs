@@ -97,7 +97,7 @@ fn a_display_that_has_a_tile_beyond_the_image_is_killed() {
     let mut stage = Stage::configured(plan, 2);
     assert_eq!(stage.display(DisplayReport::Restored(impossible())), [Action::Kill(DISPLAY)]);
     stage.exits(DISPLAY);
-    assert_eq!(stage.incidents(), ["the display has tile 2 of an image of 2"]);
+    assert_eq!(stage.incidents(), ["the display reported a tile that an image of 2 does not have"]);
 }
 
 /// Each such report asked for all comparisons once more.

@@ -35,6 +35,7 @@ impl IncidentLog {
     }
 
     /// Those that are kept.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn len(&self) -> usize {
         self.kept.len()
     }

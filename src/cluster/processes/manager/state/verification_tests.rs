@@ -6,7 +6,7 @@ use super::super::cause::{Cause, Interrupt};
 use super::super::event::{Action, Event};
 use super::super::fixture;
 use super::super::process::Command;
-use super::tests::{DISPLAY, Stage, granted, holdings, node, to_master};
+use super::tests::{DISPLAY, MASTER, Stage, granted, holdings, node, to_master};
 use crate::protocol::control::{
     Comparison, DisplayCommand, DisplayReport, Holdings, MasterCommand, MasterReport, NodeCommand, Share, TileResult,
     TileSet,
@@ -154,6 +154,7 @@ fn a_condemnation_reaches_the_journal_of_a_run_that_is_interrupted() {
     assert!(actions.contains(&condemn(by(0))), "{actions:?}");
     assert_eq!(stage.state.tiles.queue.missing(), 6);
     stage.display(DisplayReport::Condemned(by(0), [true, true].into_iter().collect()));
+    stage.happens(Event::Exited(MASTER, "ended".to_owned()));
     let actions = stage.holds([false; 6]);
     assert_eq!(actions, [Action::Tell(DISPLAY, Command::Display(DisplayCommand::Finish))]);
 }

@@ -192,6 +192,7 @@ impl JobQueue {
     }
 
     /// Attempts at all tiles.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn issued(&self) -> u64 {
         self.tiles.iter().map(|tile| u64::from(tile.attempts)).sum()
     }

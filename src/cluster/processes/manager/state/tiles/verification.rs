@@ -135,6 +135,7 @@ impl Verification {
     }
 
     /// Tiles whose comparison is awaited, and most results of one of them.
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn sizes(&self) -> (usize, usize) {
         (self.open.len(), self.open.values().map(|case| case.results.len()).max().unwrap_or_default())
     }
