@@ -127,7 +127,7 @@ impl State {
     /// Tiles that it has.
     pub fn tiles(&self) -> usize {
         match &self.phase {
-            Phase::Working(work) => work.tiles.len(),
+            Phase::Working(work) => work.tiles.held(),
             _ => 0,
         }
     }

@@ -130,7 +130,7 @@ impl Tiles {
     }
 
     /// Tiles that it has.
-    pub fn len(&self) -> usize {
+    pub fn held(&self) -> usize {
         self.tracing + self.traced.len()
     }
 
