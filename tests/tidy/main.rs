@@ -145,7 +145,7 @@ fn the_core_is_pure() {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
         let outer =
             ["cluster::processes", "cluster::protocol", "machine::recording", "cluster::report", "program::cli"];
-        forbid(core, &outer, &[], "the core does not know who uses it");
+        forbid(core, &outer, &[], "the core does not know its callers");
     }
     forbid("src/trace/tracer", &["machine", "cluster::topology"], &[], "the tracer reads through MemoryPort alone");
     let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "recount"];
@@ -156,14 +156,14 @@ fn the_core_is_pure() {
         let impure: Vec<&str> = impure.into_iter().filter(forbidden).collect();
         let model = format!("src/machine/replay/{model}.rs");
         forbid(&model, &impure, &[], "a model of memories knows no sockets, no clock, no files");
-        forbid(&model, &["cluster::processes", "program::cli"], &[], "a model does not know who uses it");
+        forbid(&model, &["cluster::processes", "program::cli"], &[], "a model does not know its callers");
     }
 }
 
 #[test]
 fn a_journal_is_bytes_and_a_file() {
     let outer = ["cluster::processes", "cluster::protocol", "program::cli", "std::net", "SystemTime"];
-    forbid("src/cluster/journal", &outer, &[], "a journal does not know who appends to it");
+    forbid("src/cluster/journal", &outer, &[], "a journal does not know its writers");
     forbid(
         "src/cluster/journal",
         &["std::fs", "Instant"],
@@ -175,7 +175,7 @@ fn a_journal_is_bytes_and_a_file() {
 #[test]
 fn keys_are_files_alone() {
     let outer = ["cluster::processes", "cluster::protocol", "program::cli", "tokio", "std::net"];
-    forbid("src/cluster/keys", &outer, &[], "keys do not know who uses them");
+    forbid("src/cluster/keys", &outer, &[], "keys do not know their callers");
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn replays_start_nothing() {
 #[test]
 fn faults_are_planned_here_and_carried_out_elsewhere() {
     let impure = ["tokio", "std::net", "std::fs", "std::process", "SystemTime", "Instant", "getrandom", "nix"];
-    forbid("src/cluster/chaos", &impure, &[], "a schedule is told the time and what lives");
+    forbid("src/cluster/chaos", &impure, &[], "a schedule gets the time and the list of processes");
     forbid(
         "src/cluster/chaos",
         &["cluster::processes", "cluster::protocol", "program::cli"],

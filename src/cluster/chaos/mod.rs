@@ -1,7 +1,7 @@
 //! Faults on purpose: what is to happen to which process of a run, and when (docs/chaos.md).
 //!
-//! Pure: a [`FaultSchedule`] is what a person wrote, the [`Planner`] says which of its faults are due. Whoever
-//! carries them out does so behind the back of what must survive them.
+//! Pure: a [`FaultSchedule`] is what a person wrote, the [`Planner`] says which of its faults are due. The manager carries them
+//! out, and its state does not know of them.
 
 mod longest_wait;
 mod parser;

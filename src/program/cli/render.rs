@@ -1,6 +1,6 @@
 //! `marti render SCENE`
 
-use std::path::PathBuf;
+use std::path::{self, PathBuf};
 use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
@@ -12,6 +12,7 @@ use super::{Failure, print};
 use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use cluster::topology::value::{Cutoff, Depth};
 use ground::progress::{Progress, Status};
+use trace::image_file;
 use trace::picture::ImageSettings;
 use trace::preparation::{self, Fallback, Prepared};
 use trace::render::{self, Kernel, Rendering, Settings};
@@ -93,13 +94,6 @@ impl RenderArguments {
     pub fn image(&self) -> PathBuf {
         self.output.clone().unwrap_or_else(|| PathBuf::from(self.scene.name() + ".png"))
     }
-
-    /// It and what may be written beside it.
-    fn image_files(&self) -> Vec<PathBuf> {
-        let image = self.image();
-        let beside = ["t.npy", "n.npy", "prim.npy", "exr"].map(|extension| image.with_extension(extension));
-        [image].into_iter().chain(beside).collect()
-    }
 }
 
 pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
@@ -108,8 +102,10 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     if !packets && arguments.simd.is_some() {
         return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
     }
+    let (aov, exr) = (arguments.planes.aov(), arguments.planes.exr());
     if let Some(report) = &arguments.report
-        && arguments.image_files().contains(report)
+        && let files = image_file::files(&arguments.image(), aov, exr)
+        && files.iter().any(|file| path::absolute(file).ok() == path::absolute(report).ok())
     {
         return Err(Failure::bad_input(format!("--report {}: the image is written to this file", report.display())));
     }
@@ -124,7 +120,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         Some(derived) => Kernel::Packets(derived, arguments.simd.unwrap_or_else(Simd::best)),
         None => Kernel::Single { mailbox: octree.mailbox },
     };
-    let settings = Settings { threads: arguments.threads(), aov: arguments.planes.aov(), kernel };
+    let settings = Settings { threads: arguments.threads(), aov, kernel };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
     let rendering = loop {
         let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
@@ -144,10 +140,8 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         }
     };
     let image = arguments.image();
-    let files = rendering
-        .frame
-        .write(&image, arguments.planes.exr())
-        .map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
+    let files =
+        rendering.frame.write(&image, exr).map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
     let seconds = Seconds {
         load: prepared.load.as_secs_f64(),
         octree: (prepared.build + derivation).as_secs_f64(),

@@ -11,49 +11,71 @@ use std::path::{Path, PathBuf};
 
 pub use frame_buffer::{FrameBuffer, FrameBufferError};
 
+use crate::picture::AovSet;
 use ground::atomic_file;
 
 /// Whether this build writes OpenEXR (cargo feature `exr`).
 pub const EXR_SUPPORTED: bool = cfg!(feature = "exr");
 
+/// One of the files of an image.
+#[derive(Clone, Copy)]
+enum Part {
+    Png,
+    Depth,
+    Normal,
+    Primitive,
+    Exr,
+}
+
+impl Part {
+    /// The image first.
+    fn all(aov: AovSet, exr: bool) -> impl Iterator<Item = Self> {
+        let asked = [aov.depth, aov.normal, aov.primitive, exr].into_iter();
+        let parts = [Self::Depth, Self::Normal, Self::Primitive, Self::Exr].into_iter().zip(asked);
+        std::iter::once(Self::Png).chain(parts.filter_map(|(part, is_asked)| is_asked.then_some(part)))
+    }
+
+    fn path(self, image: &Path) -> PathBuf {
+        match self {
+            Self::Png => image.to_owned(),
+            Self::Depth => image.with_extension("t.npy"),
+            Self::Normal => image.with_extension("n.npy"),
+            Self::Primitive => image.with_extension("prim.npy"),
+            Self::Exr => image.with_extension("exr"),
+        }
+    }
+}
+
+/// The files that [`FrameBuffer::write`] writes, the image first: `NAME.png`, the asked-for `NAME.t.npy`, `NAME.n.npy`,
+/// `NAME.prim.npy`, and `NAME.exr`.
+pub fn files(image: &Path, aov: AovSet, exr: bool) -> Vec<PathBuf> {
+    Part::all(aov, exr).map(|part| part.path(image)).collect()
+}
+
 impl FrameBuffer {
-    /// Writes `NAME.png`, the asked-for `NAME.t.npy`, `NAME.n.npy`, `NAME.prim.npy`, and `NAME.exr`; returns
-    /// what was written, the image first. Each file is there whole or not at all.
+    /// Writes the image and what was asked for beside it; returns their [`files`]. Each file is there whole or not at all.
     ///
     /// # Errors
     /// A file cannot be written, or `exr` is asked of a build without it ([`EXR_SUPPORTED`]).
     pub fn write(&self, image: &Path, exr: bool) -> io::Result<Vec<PathBuf>> {
-        let (pixels, aov) = (self.pixels(), self.aov());
+        let pixels = self.pixels();
         let (width, height) = (self.width() as usize, self.height() as usize);
-        let mut written = Vec::new();
-        let mut put = |path: PathBuf, writer: &dyn Fn(&mut atomic_file::Writer) -> io::Result<()>| {
-            atomic_file::write(&path, writer)?;
-            written.push(path);
-            io::Result::Ok(())
-        };
-
-        put(image.to_owned(), &|file| png::write(file, self))?;
-        if aov.depth {
-            put(image.with_extension("t.npy"), &|file| npy::write(file, &[height, width], &pixels.depth))?;
+        for part in Part::all(self.aov(), exr) {
+            atomic_file::write(&part.path(image), |file| match part {
+                Part::Png => png::write(file, self),
+                Part::Depth => npy::write(file, &[height, width], &pixels.depth),
+                Part::Normal => npy::write(file, &[height, width, 3], pixels.normal.as_flattened()),
+                Part::Primitive => npy::write(file, &[height, width], &pixels.primitive),
+                Part::Exr => exr::write(file, self),
+            })?;
         }
-        if aov.normal {
-            let normals = pixels.normal.as_flattened();
-            put(image.with_extension("n.npy"), &|file| npy::write(file, &[height, width, 3], normals))?;
-        }
-        if aov.primitive {
-            put(image.with_extension("prim.npy"), &|file| npy::write(file, &[height, width], &pixels.primitive))?;
-        }
-        if exr {
-            put(image.with_extension("exr"), &|file| exr::write(file, self))?;
-        }
-        Ok(written)
+        Ok(files(image, self.aov(), exr))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::AovSet;
 
     #[test]
     fn every_asked_for_file_is_written_under_the_same_stem() {

@@ -374,7 +374,7 @@ impl MemoryLoop {
         let late = Instant::now() + LEAVE_DEADLINE;
         self.serve(beacon)?;
         while self.clients.iter().skip(1).any(Option::is_some) && Instant::now() < late {
-            self.turn(events, Some(LOOK_PERIOD), beacon)?;
+            self.turn(events, self.timeout().or(Some(LOOK_PERIOD)), beacon)?;
         }
         let wire_bytes = self.wire_bytes + self.clients.iter().flatten().map(|client| client.wire_bytes).sum::<u64>();
         let log = self.recording.finish()?;

@@ -1,4 +1,4 @@
-//! What holds of every run, whatever goes wrong in it.
+//! What must be true of every run, whatever goes wrong in it.
 //!
 //! - It ends.
 //! - If it calls itself complete, every tile is in the frame, once, with the right pixels and its books hold, unless a node

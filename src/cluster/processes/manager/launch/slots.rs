@@ -1,4 +1,4 @@
-//! JoinSlots on external hosts: who asks for one is told to wait until one is free.
+//! Slots on external hosts: a process that asks for one waits until one is free.
 
 use std::mem::discriminant;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

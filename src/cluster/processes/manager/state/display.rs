@@ -16,8 +16,8 @@ pub(crate) struct Display {
     pub(crate) address: Option<SocketAddr>,
     /// Since the last tile done.
     pub(super) failures: u32,
-    /// Whether the first process has reported what it restored.
-    has_begun: bool,
+    /// Whether this process has reported what it restored.
+    has_restored: bool,
     /// Whether it has reported what it holds, and with that everything it found before; `None`: it was not asked since
     /// something changed.
     has_told_all: Option<bool>,
@@ -47,9 +47,9 @@ impl Display {
         }
     }
 
-    /// Whether this is the first process's first report of what it restored, which is where the run begins.
-    pub(super) fn begins(&mut self) -> bool {
-        self.epoch == Epoch(0) && !std::mem::replace(&mut self.has_begun, true)
+    /// It reports what it restored. `false`: not for the first time.
+    pub(super) fn restores(&mut self) -> bool {
+        !std::mem::replace(&mut self.has_restored, true)
     }
 
     /// It is dead: another one takes its place.
@@ -60,7 +60,7 @@ impl Display {
         if exit.was_expected {
             return Ok(());
         }
-        (self.address, self.has_told_all) = (None, None);
+        (self.address, self.has_told_all, self.has_restored) = (None, None, false);
         self.failures += 1;
         if !is_needed || self.failures >= FAILURES_MAX {
             return Err(exit.how);

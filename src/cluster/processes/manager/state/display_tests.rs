@@ -110,6 +110,7 @@ fn what_a_display_restored_is_verified_once_however_often_it_reports_it() {
         stage.display(DisplayReport::Restored(holdings([true, true, false, false])));
     }
     assert_eq!((stage.state.tiles.queue.waiting_checks(), stage.state.tiles.ledger.resumed), (2, 2));
+    assert_eq!(stage.incidents()[0], "the display reported twice what it restored");
 }
 
 #[test]

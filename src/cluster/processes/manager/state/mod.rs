@@ -19,6 +19,8 @@ mod beginning_tests;
 #[cfg(test)]
 mod display_tests;
 #[cfg(test)]
+mod ending_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod verification_tests;

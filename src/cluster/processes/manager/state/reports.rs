@@ -43,12 +43,12 @@ impl State {
             {
                 self.supervision.kill(id, format!("reported a tile that an image of {total} does not have"));
             }
-            DisplayReport::Restored(_) if !self.supervision.is_at(id, Stage::Connected) => {
+            DisplayReport::Restored(_) if !self.display.restores() => {
                 self.supervision.kill(id, "reported twice what it restored".to_owned());
             }
             DisplayReport::Heartbeat | DisplayReport::Incident(_) => {}
             DisplayReport::Failed(why) => self.supervision.kill(id, format!("failed: {why}")),
-            DisplayReport::Restored(holdings) if self.display.begins() => self.tiles.resume(&holdings),
+            DisplayReport::Restored(holdings) if self.display.epoch == Epoch(0) => self.tiles.resume(&holdings),
             DisplayReport::Restored(holdings) => self.require(&holdings, "the journal"),
             DisplayReport::Listening(address) => {
                 self.display.listens(id, address, &mut self.supervision);

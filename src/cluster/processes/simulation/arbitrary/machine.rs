@@ -1,4 +1,4 @@
-//! The course of events of one [`Machine`], and what holds in it:
+//! A sequence of events for one [`Machine`]. After each of them is checked:
 //!
 //! - it answers an event with a bounded number of actions, and has a bounded number of tasks at its worker;
 //! - what it sends and reports can be encoded;

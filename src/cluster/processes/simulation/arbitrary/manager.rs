@@ -1,4 +1,4 @@
-//! The course of events of a manager, beside processes that report anything, and what holds in it:
+//! A sequence of events for a manager whose processes report anything. After each of them is checked:
 //!
 //! - it answers an event with a bounded number of actions, and what waits in it is bounded by its image and its clusters;
 //! - what it tells can be encoded, and goes to processes that are connected;
