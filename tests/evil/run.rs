@@ -189,12 +189,16 @@ impl Outcome {
         self.incidents().iter().any(|text| text.starts_with("node 0 ") && text.contains("is set aside"))
     }
 
-    /// Of nodes 1 to 3, and of the servers: that they died, were killed, or set aside. What they report of others does not count.
+    /// Of nodes 1 to 3, and of the servers: that they died, were killed, or set aside. What they report of others does not count,
+    /// nor that the display lacks tiles: an honest node may have done a tile again while the display still had that of a condemned
+    /// one, and then took it out.
     fn harmed(&self) -> Vec<&str> {
         let honest = ["node 1", "node 2", "node 3", "the bus", "the master", "the display"];
         let is_harm = |text: &&str| {
             let rest = honest.iter().find_map(|name| text.strip_prefix(name));
-            rest.is_some_and(|rest| !rest.starts_with(':') && !text.contains(" disagree about "))
+            rest.is_some_and(|rest| {
+                !rest.starts_with(':') && !text.contains(" disagree about ") && !rest.starts_with(" lacks ")
+            })
         };
         self.incidents().into_iter().filter(is_harm).collect()
     }
