@@ -27,7 +27,13 @@ fn hold(cases: u32, triangles: impl Strategy<Value = Vec<[DVec3; 3]>>) {
         for corners in triangles {
             let first_vertex = scene.vertices.len() as u32;
             scene.vertices.extend(corners);
-            scene.polygons.push(Polygon { first_vertex, vertex_count: 3, first_normal: None, material: 0 });
+            scene.polygons.push(Polygon {
+                first_vertex,
+                vertex_count: 3,
+                first_normal: None,
+                first_colour: None,
+                material: 0,
+            });
         }
         scene.place(placement).map_err(|error| TestCaseError::reject(error.to_string()))?;
         let database = build_database(&scene, tree).map_err(|error| TestCaseError::fail(error.to_string()))?;

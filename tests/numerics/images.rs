@@ -50,6 +50,7 @@ pub(crate) fn add_polygon(scene: &mut Scene, corners: &[DVec3]) {
         first_vertex: scene.vertices.len() as u32,
         vertex_count: corners.len() as u32,
         first_normal: None,
+        first_colour: None,
         material: scene.materials.len() as u32 - 1,
     };
     scene.vertices.extend(corners);

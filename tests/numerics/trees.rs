@@ -101,8 +101,13 @@ fn nothing_and_a_point() {
     for place in [DVec3::ZERO, DVec3::splat(1e9), DVec3::new(-1e-20, 3.0, 1e20)] {
         let mut point = Scene { materials: vec![trace::scene::Material::WHITE], ..Scene::default() };
         point.vertices = vec![place; 3];
-        point.polygons =
-            vec![trace::scene::Polygon { first_vertex: 0, vertex_count: 3, first_normal: None, material: 0 }];
+        point.polygons = vec![trace::scene::Polygon {
+            first_vertex: 0,
+            vertex_count: 3,
+            first_normal: None,
+            first_colour: None,
+            material: 0,
+        }];
         for scene in [&empty, &point] {
             for tree in TREES {
                 let database = build_database(scene, tree).expect("nothing to build");

@@ -203,7 +203,8 @@ mod tests {
     #[test]
     fn what_is_too_large_is_told_before_anything_is_made() {
         // Vertices that are not even there.
-        let polygon = Polygon { first_vertex: 0, vertex_count: 100_000_002, first_normal: None, material: 0 };
+        let polygon =
+            Polygon { first_vertex: 0, vertex_count: 100_000_002, first_normal: None, first_colour: None, material: 0 };
         let scene = Scene { polygons: vec![polygon], ..Scene::default() };
         let error = compile(&scene).expect_err("too large");
         let told = "the database would be 5200000256 bytes or more, at most 4294967296 can be addressed";

@@ -123,8 +123,13 @@ impl ClosedMesh {
 
     /// Each triangle a polygon of its own.
     pub fn scene(&self) -> Scene {
-        let polygon =
-            |i: usize| Polygon { first_vertex: 3 * i as u32, vertex_count: 3, first_normal: None, material: 0 };
+        let polygon = |i: usize| Polygon {
+            first_vertex: 3 * i as u32,
+            vertex_count: 3,
+            first_normal: None,
+            first_colour: None,
+            material: 0,
+        };
         Scene {
             materials: vec![Material::WHITE],
             vertices: self.triangles.iter().flatten().map(|&v| self.vertices[v as usize]).collect(),

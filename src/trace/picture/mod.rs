@@ -2,8 +2,10 @@
 
 mod pixels;
 mod settings;
+mod terminator;
 mod tiling;
 
 pub use pixels::{AovSet, Pixels};
 pub use settings::{ImageSettings, ImageSettingsError};
+pub use terminator::Terminator;
 pub use tiling::{Rect, Sides, Tiling, TilingError};

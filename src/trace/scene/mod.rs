@@ -10,15 +10,20 @@ pub mod procedural;
 mod scene_source;
 pub mod source;
 pub mod source_error;
+pub mod warning;
+
+use std::path::PathBuf;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::picture::Terminator;
 pub use camera::Camera;
 pub use load::load;
 pub use placement::Placement;
 pub use scene_source::SceneSource;
 pub use source_error::SourceError;
+pub use warning::{Warning, Warnings};
 
 /// What a scene file holds. Every number is finite; every index is in range.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,9 +38,19 @@ pub struct Scene {
     pub vertices: Vec<DVec3>,
     /// Unit vertex normals of all smooth polygons, one polygon after the other.
     pub normals: Vec<DVec3>,
+    /// Linear RGB at the vertices of all coloured polygons, one polygon after the other.
+    pub colours: Vec<DVec3>,
     pub polygons: Vec<Polygon>,
     pub spheres: Vec<Sphere>,
     pub cones: Vec<Cone>,
+    /// How this kind of file is usually shown, where the image settings do not say.
+    pub terminator: Terminator,
+    /// The file that polygons are from; `None` of a procedural scene.
+    pub file: Option<PathBuf>,
+    /// Index and line of every polygon of a file that must be cut into triangles, in order.
+    pub polygon_lines: Vec<(u32, u32)>,
+    /// What of the file was repaired or left out.
+    pub warnings: Warnings,
 }
 
 /// A planar polygon, convex or concave, front side counter-clockwise.
@@ -47,6 +62,8 @@ pub struct Polygon {
     pub vertex_count: u32,
     /// Index into [`Scene::normals`]; `None` for a flat polygon.
     pub first_normal: Option<u32>,
+    /// Index into [`Scene::colours`]; `None` for a polygon of its material's colour alone.
+    pub first_colour: Option<u32>,
     pub material: u32,
 }
 
@@ -77,7 +94,7 @@ pub struct Light {
     pub colour: DVec3,
 }
 
-/// Whitted's terms: Σ lights (diffuse·cos + highlight·cos^shine) + reflection·L + transmittance·L.
+/// Whitted's terms: emission + Σ lights (diffuse·cos + highlight·cos^shine) + reflection·L + transmittance·L.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Linear RGB, colour times Kd.
@@ -90,8 +107,12 @@ pub struct Material {
     pub shine: f64,
     /// Weight of the refracted ray, 0 to 1; zero: none is cast.
     pub transmittance: f64,
-    /// Index of refraction inside; positive where transmittance is.
+    /// Index of refraction inside; positive where transmittance is. At 1 nothing is bent.
     pub ior: f64,
+    /// Linear RGB that the surface sends out on both sides; it lights nothing else.
+    pub emission: DVec3,
+    /// Share of a light's rays that pass through the surface, 0 to 1; zero: it casts a full shadow.
+    pub shadow_transmittance: f64,
 }
 
 impl Material {
@@ -103,6 +124,8 @@ impl Material {
         shine: 1.0,
         transmittance: 0.0,
         ior: 1.0,
+        emission: DVec3::ZERO,
+        shadow_transmittance: 0.0,
     };
 
     /// An NFF `f` line: colour, Kd, Ks, shine, T, index of refraction.
@@ -114,6 +137,7 @@ impl Material {
             shine,
             transmittance: t,
             ior,
+            ..Self::WHITE
         }
     }
 }
@@ -128,6 +152,12 @@ impl Scene {
     pub fn corner_normals(&self, polygon: &Polygon) -> Option<&[DVec3]> {
         let first = polygon.first_normal? as usize;
         Some(&self.normals[first..][..polygon.vertex_count as usize])
+    }
+
+    /// The colours at a polygon's vertices.
+    pub fn corner_colours(&self, polygon: &Polygon) -> Option<&[DVec3]> {
+        let first = polygon.first_colour? as usize;
+        Some(&self.colours[first..][..polygon.vertex_count as usize])
     }
 
     /// Primitives as the paper counts them: polygons before triangulation, spheres, cones.

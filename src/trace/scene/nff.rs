@@ -112,7 +112,7 @@ impl Reader<'_> {
             }
         }
         let material = self.current_material();
-        self.scene.polygons.push(Polygon { first_vertex, vertex_count, first_normal, material });
+        self.scene.polygons.push(Polygon { first_vertex, vertex_count, first_normal, first_colour: None, material });
         Ok(())
     }
 
@@ -292,6 +292,7 @@ pp 3
             first_vertex,
             vertex_count,
             first_normal,
+            first_colour: None,
             material: 1,
         };
         assert_eq!(scene.polygons, [polygon(0, 4, None), polygon(4, 3, Some(0))]);

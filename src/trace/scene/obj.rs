@@ -79,7 +79,7 @@ fn scene(models: &[tobj::Model], materials: Vec<Material>, checked: &Checked) ->
                     scene.normals.push(triple(&mesh.normals, index)?.try_normalize()?);
                 }
             }
-            scene.polygons.push(Polygon { first_vertex, vertex_count, first_normal, material });
+            scene.polygons.push(Polygon { first_vertex, vertex_count, first_normal, first_colour: None, material });
         }
     }
     if scene.polygons.iter().any(|polygon| polygon.material == white) {
@@ -157,6 +157,7 @@ f 3 4 5
             first_vertex,
             vertex_count,
             first_normal,
+            first_colour: None,
             material,
         };
         let expected =

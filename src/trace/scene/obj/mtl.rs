@@ -123,5 +123,6 @@ pub(super) fn material(mtl: &tobj::Material) -> Material {
         shine: mtl.shininess.unwrap_or(Material::WHITE.shine),
         transmittance: mtl.dissolve.map_or(transparency, |dissolve| 1.0 - dissolve),
         ior: mtl.optical_density.unwrap_or(Material::WHITE.ior),
+        ..Material::WHITE
     }
 }

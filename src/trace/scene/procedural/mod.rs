@@ -264,7 +264,7 @@ impl Scene {
         let first_vertex = self.vertices.len() as u32;
         self.vertices.extend_from_slice(corners);
         let vertex_count = corners.len() as u32;
-        self.polygons.push(Polygon { first_vertex, vertex_count, first_normal: None, material });
+        self.polygons.push(Polygon { first_vertex, vertex_count, first_normal: None, first_colour: None, material });
     }
 
     fn add_smooth_polygon(&mut self, corners: &[DVec3], normals: &[DVec3]) {

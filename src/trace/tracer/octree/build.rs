@@ -140,7 +140,8 @@ mod tests {
     fn large_triangles(count: u32) -> Scene {
         let corner =
             |i: u32| DVec3::new(libm::sin(f64::from(i)), libm::sin(f64::from(2 * i)), libm::sin(f64::from(3 * i)));
-        let polygon = |i| Polygon { first_vertex: 3 * i, vertex_count: 3, first_normal: None, material: 0 };
+        let polygon =
+            |i| Polygon { first_vertex: 3 * i, vertex_count: 3, first_normal: None, first_colour: None, material: 0 };
         Scene {
             materials: vec![Material::WHITE],
             vertices: (0..3 * count).map(corner).collect(),

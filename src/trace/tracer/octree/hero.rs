@@ -280,7 +280,13 @@ mod tests {
             let first_vertex = scene.vertices.len() as u32;
             let corners = [corner(), corner(), corner()];
             scene.vertices.extend(corners);
-            scene.polygons.push(Polygon { first_vertex, vertex_count: 3, first_normal: None, material: 0 });
+            scene.polygons.push(Polygon {
+                first_vertex,
+                vertex_count: 3,
+                first_normal: None,
+                first_colour: None,
+                material: 0,
+            });
             if i % 7 == 0 {
                 scene.spheres.push(Sphere { centre: vector(random), radius: unit(random) * 0.3, material: 0 });
                 scene.cones.push(Cone {
