@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Terminator;
+
 /// The image settings that decide its bits. Proven, from wherever they come: a kernel can trace all that there are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written")]
@@ -10,6 +12,7 @@ pub struct ImageSettings {
     height: u32,
     depth: u32,
     cutoff: f32,
+    terminator: Terminator,
 }
 
 /// [`ImageSettings`] as they are read, not proven yet.
@@ -19,6 +22,7 @@ struct Written {
     height: u32,
     depth: u32,
     cutoff: f32,
+    terminator: Terminator,
 }
 
 /// Numbers that are no image settings.
@@ -36,7 +40,8 @@ impl TryFrom<Written> for ImageSettings {
     type Error = ImageSettingsError;
 
     fn try_from(written: Written) -> Result<Self, ImageSettingsError> {
-        Self::new(written.width, written.height, written.depth, written.cutoff)
+        let settings = Self::new(written.width, written.height, written.depth, written.cutoff)?;
+        Ok(settings.with_terminator(written.terminator))
     }
 }
 
@@ -45,7 +50,7 @@ impl ImageSettings {
     pub const DEPTH_MAX: u32 = 64;
     pub const DEPTH_DEFAULT: u32 = 4;
 
-    /// Settings of an image of `width` times `height` pixels, with [`Self::depth`] and [`Self::cutoff`].
+    /// Settings of an image of `width` times `height` pixels, with [`Self::depth`] and [`Self::cutoff`], and a hard terminator.
     ///
     /// # Errors
     /// A side is not 1 to 65,536, the depth is above 64, or the cutoff is not 0 to 1.
@@ -60,7 +65,12 @@ impl ImageSettings {
         if !(cutoff >= 0.0 && cutoff <= 1.0) {
             return Err(ImageSettingsError::Cutoff(cutoff));
         }
-        Ok(Self { width, height, depth, cutoff })
+        Ok(Self { width, height, depth, cutoff, terminator: Terminator::Hard })
+    }
+
+    #[must_use]
+    pub const fn with_terminator(self, terminator: Terminator) -> Self {
+        Self { terminator, ..self }
     }
 
     /// Pixels, 1 to 65,536.
@@ -81,6 +91,11 @@ impl ImageSettings {
     /// A secondary ray is cast when its weight in the pixel, in the strongest channel, exceeds this; 0 to 1.
     pub const fn cutoff(&self) -> f32 {
         self.cutoff
+    }
+
+    /// Where smooth surfaces turn away from a light.
+    pub const fn terminator(&self) -> Terminator {
+        self.terminator
     }
 }
 
@@ -103,7 +118,7 @@ mod tests {
         ] {
             let error = ImageSettings::new(width, height, depth, cutoff).expect_err(expected);
             assert_eq!(error.to_string(), expected);
-            let wire = encode_to_vec((width, height, depth, cutoff), standard()).expect("numbers");
+            let wire = encode_to_vec((width, height, depth, cutoff, Terminator::Hard), standard()).expect("numbers");
             let error = decode_from_slice::<ImageSettings, _>(&wire, standard()).expect_err(expected).to_string();
             assert!(error.contains(expected), "{error}");
         }
@@ -111,9 +126,11 @@ mod tests {
 
     #[test]
     fn settings_are_written_as_their_numbers_and_read_back() {
-        let settings = ImageSettings::new(65_536, 1, 64, 1.0).expect("the most");
-        let wire = encode_to_vec(settings, standard()).expect("numbers");
-        assert_eq!(wire, encode_to_vec((65_536u32, 1u32, 64u32, 1.0f32), standard()).expect("numbers"));
-        assert_eq!(decode_from_slice(&wire, standard()).expect("its own"), (settings, wire.len()));
+        let hard = ImageSettings::new(65_536, 1, 64, 1.0).expect("the most");
+        for (settings, variant) in [(hard, 0u32), (hard.with_terminator(Terminator::Soft), 1)] {
+            let wire = encode_to_vec(settings, standard()).expect("numbers");
+            assert_eq!(wire, encode_to_vec((65_536u32, 1u32, 64u32, 1.0f32, variant), standard()).expect("numbers"));
+            assert_eq!(decode_from_slice(&wire, standard()).expect("its own"), (settings, wire.len()));
+        }
     }
 }
