@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use trace::picture::{AovSet, ImageSettings, Rect};
-use trace::preparation::{self, Fallback, Prepared};
+use trace::preparation::{self, Prepared, ViewChoices};
 use trace::render::{self, Kernel, Settings};
 use trace::scene::SceneSource;
 use trace::tracer::bvh8::{BatchTracer, Bvh8};
@@ -19,7 +19,7 @@ fn main() {
     for scene in ["gears:4", "teapot:12", "balls:4", "tetra:8"] {
         let source: SceneSource = scene.parse().expect("a procedural scene");
         let image = |_: &_| Ok(ImageSettings::new(SIDE, SIDE, 4, 0.0).expect("possible"));
-        let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
+        let prepared = preparation::prepare(&source, Octree::DEFAULT, &ViewChoices::default(), image).expect("small");
         let bvh = Bvh8::build(&prepared.database);
         println!(
             "{scene}: {} bytes derived, {} of the database",

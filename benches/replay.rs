@@ -20,7 +20,7 @@ use machine::replay::model::replayer::{Counters, Replayer, Sum};
 use machine::replay::stream::reads;
 use machine::replay::{Captured, Lines, RecordLines, Trace};
 use trace::picture::{ImageSettings, Sides, Tiling};
-use trace::preparation::{Fallback, prepare};
+use trace::preparation::{ViewChoices, prepare};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
@@ -80,7 +80,7 @@ fn main() {
 fn teapot() -> (Captured, RecordLines, Geometry) {
     let source: SceneSource = "teapot:12".parse().expect("a scene");
     let image = ImageSettings::new(SIDE, SIDE, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible");
-    let prepared = prepare(&source, Octree::DEFAULT, &Fallback::default(), |_| Ok(image)).expect("the teapot");
+    let prepared = prepare(&source, Octree::DEFAULT, &ViewChoices::default(), |_| Ok(image)).expect("the teapot");
     let tiling =
         Tiling::new(Sides { width: SIDE, height: SIDE, tile_width: TILE, tile_height: TILE }).expect("possible");
     let trace = Captured::capture(&prepared.database, &prepared.view, tiling, true, 1);

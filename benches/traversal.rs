@@ -8,7 +8,7 @@ use machine::hardware::replacement::Lru;
 use machine::hardware::specification::{LocalMemory as Configuration, MemorySize, Replacement};
 use trace::database::verify::Verified;
 use trace::picture::{AovSet, ImageSettings, Rect};
-use trace::preparation::{Fallback, Prepared, prepare};
+use trace::preparation::{Prepared, ViewChoices, prepare};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 use trace::tracer::slices::Slices;
@@ -18,7 +18,7 @@ const TILE: Rect = Rect { x: 192, y: 192, width: 128, height: 128 };
 
 fn teapot() -> Prepared {
     let source: SceneSource = "teapot:12".parse().expect("a scene");
-    prepare(&source, Octree::DEFAULT, &Fallback::default(), |_| {
+    prepare(&source, Octree::DEFAULT, &ViewChoices::default(), |_| {
         Ok(ImageSettings::new(512, 512, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible"))
     })
     .expect("the teapot can be built")

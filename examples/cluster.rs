@@ -5,12 +5,12 @@
 use std::error::Error;
 
 use marti::simulation::Cluster;
-use marti::{Fallback, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
+use marti::{ImageSettings, Octree, Renderer, SceneSource, ViewChoices, build_database, view};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = "teapot:6".parse::<SceneSource>()?.load()?;
     let settings = ImageSettings::new(128, 128, ImageSettings::DEPTH_DEFAULT, 0.0)?;
-    let view = view(&scene, &Fallback::default(), |_| Ok(settings))?;
+    let view = view(&scene, &ViewChoices::default(), |_| Ok(settings))?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
 
     let cluster = Cluster { nodes: 2, local_memory: "1/8".parse()?, tile: 16, seed: 1 };

@@ -9,7 +9,7 @@ use marti::machine::specification::{self, LocalMemory, MemorySize};
 use marti::picture::{Sides, Tiling};
 use marti::replay::replayer::{Replayer, Sum};
 use marti::replay::{Captured, RecordLines};
-use marti::{Fallback, ImageSettings, Octree, SceneSource, build_database, view};
+use marti::{ImageSettings, Octree, SceneSource, ViewChoices, build_database, view};
 
 /// Not recently used with one bit per slot, as many processors have it instead of LRU: the victim is the first slot whose
 /// bit is clear, and when all bits of a set would be set, the others are cleared.
@@ -52,7 +52,7 @@ impl Replacement for OneBit {
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = "teapot:6".parse::<SceneSource>()?.load()?;
     let settings = ImageSettings::new(128, 128, ImageSettings::DEPTH_DEFAULT, 0.0)?;
-    let view = view(&scene, &Fallback::default(), |_| Ok(settings))?;
+    let view = view(&scene, &ViewChoices::default(), |_| Ok(settings))?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
     let tiling = Tiling::try_from(Sides { width: 128, height: 128, tile_width: 8, tile_height: 8 })?;
     // Every record that a node reads, whatever its memory.

@@ -10,11 +10,11 @@
 //! octree; its camera and lights, with [`ImageSettings`], become a [`View`]. A [`Renderer`] renders views of a database.
 //!
 //! ```
-//! use marti::{Fallback, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
+//! use marti::{ViewChoices, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
 //!
 //! let scene = "teapot:2".parse::<SceneSource>()?.load()?;
 //! let settings = ImageSettings::new(32, 32, 4, 0.0)?;
-//! let view = view(&scene, &Fallback::default(), |_camera| Ok(settings))?;
+//! let view = view(&scene, &ViewChoices::default(), |_camera| Ok(settings))?;
 //! let database = build_database(&scene, Octree::DEFAULT.into())?;
 //! let rendering = Renderer::new(&database).render(&view)?;
 //! assert_eq!(rendering.frame.pixels().colour.len(), 32 * 32);
@@ -36,10 +36,10 @@
 //! use marti::picture::{Sides, Tiling};
 //! use marti::replay::replayer::{Replayer, Sum};
 //! use marti::replay::{Captured, RecordLines};
-//! # use marti::{Fallback, ImageSettings, Octree, SceneSource, build_database, view};
+//! # use marti::{ViewChoices, ImageSettings, Octree, SceneSource, build_database, view};
 //! # let scene = "teapot:2".parse::<SceneSource>()?.load()?;
 //! # let settings = ImageSettings::new(32, 32, 4, 0.0)?;
-//! # let view = view(&scene, &Fallback::default(), |_camera| Ok(settings))?;
+//! # let view = view(&scene, &ViewChoices::default(), |_camera| Ok(settings))?;
 //! # let database = build_database(&scene, Octree::DEFAULT.into())?;
 //!
 //! let tiling = Tiling::try_from(Sides { width: 32, height: 32, tile_width: 8, tile_height: 8 })?;
@@ -72,7 +72,7 @@ pub use cluster::topology::Topology;
 pub use cluster::topology::recorded::open_references;
 pub use trace::database::verify::Verified;
 pub use trace::picture::{AovSet, ImageSettings};
-pub use trace::preparation::{Fallback, view};
+pub use trace::preparation::{ViewChoices, view};
 pub use trace::render::{Renderer, Rendering};
 pub use trace::scene::{Scene, SceneSource};
 pub use trace::tracer::View;

@@ -19,7 +19,7 @@ use machine::replay::stream::lines::RecordLines;
 use trace::database::Section;
 use trace::database::verify::Verified;
 use trace::picture::{AovSet, ImageSettings, Rect, Sides, Tiling};
-use trace::preparation::{Fallback, Prepared, prepare};
+use trace::preparation::{Prepared, ViewChoices, prepare};
 use trace::scene::SceneSource;
 use trace::tracer::bvh8::{BatchTracer, Bvh8};
 use trace::tracer::octree::Octree;
@@ -68,7 +68,7 @@ pub(crate) const PATHS: [Path; 12] = [
 
 fn prepared(scene: &str, octree: Octree) -> Prepared {
     let source: SceneSource = scene.parse().expect("a scene");
-    prepare(&source, octree, &Fallback::default(), |_| {
+    prepare(&source, octree, &ViewChoices::default(), |_| {
         Ok(ImageSettings::new(SIDE, SIDE, ImageSettings::DEPTH_DEFAULT, 0.0).expect("possible"))
     })
     .expect("the scene can be built")

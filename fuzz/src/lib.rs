@@ -6,7 +6,7 @@ use std::path::Path;
 use tempfile::TempDir;
 use trace::database::verify::Verified;
 use trace::picture::{AovSet, ImageSettings, Pixels};
-use trace::preparation::{self, Fallback};
+use trace::preparation::{self, ViewChoices};
 use trace::render::{Kernel, Settings, render};
 use trace::scene::{Camera, Scene};
 use trace::tracer::View;
@@ -69,7 +69,7 @@ pub fn trace_scene(scene: &Scene) {
     if scene.primitive_count() > 200 || scene.vertices.len() > 1000 {
         return;
     }
-    let Ok(view) = preparation::view(scene, &Fallback::default(), |_| Ok(IMAGE)) else { return };
+    let Ok(view) = preparation::view(scene, &ViewChoices::default(), |_| Ok(IMAGE)) else { return };
     if let Ok(database) = build_database(scene, BuildParameters { leaf_size: 2, max_depth: 6 }) {
         let images = images(&database, &view);
         assert!(images.iter().all(|image| *image == images[0]), "another image by another kernel");

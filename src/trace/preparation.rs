@@ -1,14 +1,20 @@
 //! From what a person asked for to what can be traced: the scene is read, the view chosen, the database built.
 
+mod chosen_view;
+mod view_choices;
+mod visibility;
+
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
+pub use chosen_view::{ChosenView, ImageDefaults, choose, view};
+pub use view_choices::{CameraChoices, CameraPart, ViewChoices};
+
 use crate::database::compile::compile;
 use crate::database::verify::Verified;
 use crate::picture::ImageSettings;
-use crate::scene::SceneSource;
-use crate::scene::{Camera, Light, Scene, SourceError};
+use crate::scene::{Scene, SceneSource, SourceError, Warning};
 use crate::tracer::View;
 use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildError, complete};
@@ -18,29 +24,27 @@ use crate::tracer::octree::{BuildError, complete};
 pub struct Prepared {
     pub database: Verified,
     pub view: View,
+    /// Smallest box around all primitives, world coordinates; `None` where there are none.
+    pub bounds: Option<(DVec3, DVec3)>,
+    /// Whether the scene has a camera; else the parts that are not chosen show all of it.
+    pub has_camera: bool,
+    /// What of the camera was chosen, in the order of [`CameraPart::ALL`].
+    pub chosen: Vec<CameraPart>,
+    /// Those of the scene first, then those of its view.
+    pub warnings: Vec<Warning>,
     /// Reading the scene.
     pub load: Duration,
     /// Compiling it and building its octree.
     pub build: Duration,
 }
 
-/// What is used where the scene does not say.
-#[derive(Clone, Debug, Default)]
-pub struct Fallback {
-    /// `None`: a camera that shows the whole scene.
-    pub camera: Option<Camera>,
-    /// Empty: lights beside that camera.
-    pub lights: Vec<Light>,
-    pub background: Option<DVec3>,
-}
-
 #[derive(Debug, thiserror::Error)]
 pub enum PreparationError {
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// The image settings do not fit the scene's resolution.
+    /// The camera cannot be, or the image settings do not fit the scene's resolution.
     #[error("{0}")]
-    Image(String),
+    View(String),
     #[error("{scene}: {error}")]
     Build { scene: String, error: BuildError },
 }
@@ -57,42 +61,26 @@ pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<Verif
     database.map_err(|error| PreparationError::Build { scene: source.to_string(), error })
 }
 
-/// Prepares a scene; `image` chooses the image settings once the camera, and with it the file's own resolution,
-/// is known.
+/// Prepares a scene; `image` chooses the image settings once the scene's own are known.
 ///
 /// # Errors
-/// The scene cannot be read or is too large, or `image` finds that the settings do not fit.
+/// The scene cannot be read or is too large, its camera cannot be, or `image` finds that the settings do not fit.
 pub fn prepare(
     source: &SceneSource,
     octree: Octree,
-    fallback: &Fallback,
-    image: impl FnOnce(&Camera) -> Result<ImageSettings, String>,
+    choices: &ViewChoices,
+    image: impl FnOnce(&ImageDefaults) -> Result<ImageSettings, String>,
 ) -> Result<Prepared, PreparationError> {
     let start = Instant::now();
     let scene = source.load()?;
     let load = start.elapsed();
-    let view = view(&scene, fallback, image).map_err(PreparationError::Image)?;
+    let ChosenView { view, bounds, has_camera, chosen, warnings: of_view } =
+        choose(&scene, choices, image).map_err(PreparationError::View)?;
+    let mut warnings = scene.warnings.all().to_vec();
     let start = Instant::now();
     let database = build(source, scene, octree)?;
-    Ok(Prepared { database, view, load, build: start.elapsed() })
-}
-
-/// The scene's own camera, lights and background; else the fallback's; else what shows all of it.
-///
-/// # Errors
-/// What `image` finds wrong.
-pub fn view(
-    scene: &Scene,
-    fallback: &Fallback,
-    image: impl FnOnce(&Camera) -> Result<ImageSettings, String>,
-) -> Result<View, String> {
-    let camera = scene.camera.or(fallback.camera).unwrap_or_else(|| Camera::framing(scene.bounds()));
-    let lights = match (&scene.lights[..], &fallback.lights[..]) {
-        // A file with a camera of its own says all: without lights it is dark.
-        ([], []) if scene.camera.is_none() => camera.framing_lights().to_vec(),
-        ([], fallback) => fallback.to_vec(),
-        (own, _) => own.to_vec(),
-    };
-    let background = fallback.background.unwrap_or(scene.background);
-    Ok(View { image: image(&camera)?, camera, lights, background })
+    let build = start.elapsed();
+    let may_be_seen = visibility::of_bounds(bounds, &view).is_none();
+    warnings.extend(of_view.into_iter().chain(may_be_seen.then(|| visibility::of_light(&database, &view)).flatten()));
+    Ok(Prepared { database, view, bounds, has_camera, chosen, warnings, load, build })
 }

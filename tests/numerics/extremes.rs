@@ -3,7 +3,7 @@
 use glam::DVec3;
 use trace::database::verify::Verified;
 use trace::picture::ImageSettings;
-use trace::preparation::{Fallback, view};
+use trace::preparation::{ViewChoices, view};
 use trace::scene::SceneSource;
 use trace::scene::{Material, Placement, Scene, Sphere};
 use trace::tracer::octree::{BuildParameters, build_database};
@@ -20,7 +20,7 @@ fn first_hits(name: &str, placement: Placement) -> Vec<Option<(u32, u32)>> {
     let mut scene = name.parse::<SceneSource>().expect("a scene").load().expect("it can be read");
     scene.place(placement).expect("it stays finite");
     let image = |_: &_| Ok(ImageSettings::new(SIDE, SIDE, 0, 0.0).expect("possible"));
-    let view = view(&scene, &Fallback::default(), image).expect("a view");
+    let view = view(&scene, &ViewChoices::default(), image).expect("a view");
     let database = database(&scene);
     let camera = PrimaryRays::new(&database.database().header, &view);
     let ray = |i: u32| Ray::from_eye(camera.eye, camera.direction(i % SIDE, i / SIDE)).map(|(ray, _)| ray);

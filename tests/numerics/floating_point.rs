@@ -6,7 +6,7 @@ use std::thread;
 use ground::floating_point::{Unusual, check};
 use trace::image_file::FrameBuffer;
 use trace::picture::ImageSettings;
-use trace::preparation::{self, Fallback, Prepared};
+use trace::preparation::{self, Prepared, ViewChoices};
 use trace::render::{self, Kernel, Settings};
 use trace::scene::SceneSource;
 use trace::tracer::bvh8::Bvh8;
@@ -52,7 +52,7 @@ fn subnormal_numbers_are_part_of_the_image() {
     std::fs::write(&path, format!("{view}l 1 1 5\nf 1 1 1 0 1 200 0 0\ns 0 0 0 1\n")).expect("writable folder");
     let source: SceneSource = path.to_str().expect("UTF-8").parse().expect("a file's name");
     let image = |_: &_| Ok(ImageSettings::new(64, 64, 4, 0.0).expect("possible"));
-    let prepared = preparation::prepare(&source, Octree::DEFAULT, &Fallback::default(), image).expect("small");
+    let prepared = preparation::prepare(&source, Octree::DEFAULT, &ViewChoices::default(), image).expect("small");
     let bvh = Bvh8::build(&prepared.database);
     for kernel in [Kernel::Single { mailbox: true }, Kernel::Packets(&bvh, Simd::best())] {
         let usual = with(0, || render(&prepared, kernel));

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use trace::oracle::verify;
 use trace::picture::ImageSettings;
-use trace::preparation::{Fallback, view};
+use trace::preparation::{ViewChoices, view};
 use trace::scene::Placement;
 use trace::scene::SceneSource;
 use trace::tracer::octree::{BuildParameters, build_database};
@@ -28,7 +28,7 @@ fn nothing_is_lost_or_made_up_in_the_reference_scenes() {
             let mut scene = source.load().expect("it can be read");
             scene.place(placement).expect("it stays finite");
             let image = |_: &_| Ok(ImageSettings::new(500, 500, 0, 0.0).expect("possible"));
-            let view = view(&scene, &Fallback::default(), image).expect("a view");
+            let view = view(&scene, &ViewChoices::default(), image).expect("a view");
             let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
             let verification = verify(&database, &view, RAYS, 3);
             assert!(verification.holds(), "{name}, {placement:?}: {:#?}", verification.disagreements);
@@ -60,7 +60,7 @@ fn a_scene_of_some_ulps_loses_nothing() {
             resolution: None,
         };
         scene.camera = Some(camera);
-        let view = view(&scene, &Fallback::default(), image).expect("a view");
+        let view = view(&scene, &ViewChoices::default(), image).expect("a view");
         let database = build_database(&scene, BuildParameters { leaf_size: 8, max_depth: 12 }).expect("builds");
         let verification = verify(&database, &view, RAYS, 5);
         assert!(verification.holds(), "{scale}: {:#?}", verification.disagreements);

@@ -4,7 +4,7 @@ use glam::DVec3;
 use trace::database::verify::Verified;
 use trace::picture::{AovSet, ImageSettings};
 use trace::render::{Kernel, Settings, render};
-use trace::scene::{Camera, Scene, Sphere};
+use trace::scene::{Camera, Scene, Sphere, UpAxis};
 use trace::tracer::hit::Hit;
 use trace::tracer::octree::{BuildParameters, build_database, hero::Hero};
 use trace::tracer::slices::Slices;
@@ -41,7 +41,7 @@ fn colours(database: &Verified, view: &View, mailbox: bool) -> Vec<u32> {
 }
 
 fn view(scene: &Scene, side: u32) -> View {
-    let camera = Camera::framing(scene.bounds());
+    let camera = Camera::framing(scene.bounds(), UpAxis::Y, 1.0);
     View {
         camera,
         lights: camera.framing_lights().to_vec(),

@@ -16,6 +16,7 @@ pub mod manager;
 pub mod master;
 pub mod node;
 pub mod player;
+pub mod scene_warnings;
 #[cfg(any(test, feature = "testing"))]
 pub mod simulation;
 pub mod token;

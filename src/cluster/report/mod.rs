@@ -1,4 +1,4 @@
-//! What a run tells at its end, schema version 1. Every field is documented in docs/report.md.
+//! What a run tells at its end, schema version 2. Every field is documented in docs/report.md.
 //!
 //! Plain data: counting is done elsewhere, printing in [`json`] and [`text`]. What does not apply to a run is left out.
 
@@ -8,6 +8,7 @@ pub mod json;
 pub mod memory;
 pub mod text;
 pub mod verification;
+pub mod view;
 
 use std::path::PathBuf;
 
@@ -17,15 +18,17 @@ pub use conservation::Conservation;
 pub use incident::Incident;
 pub use memory::{Memory, NodeMemory};
 pub use verification::Verification;
+pub use view::{Bounds, Camera};
 
 use machine::hardware::totals::BusTotals;
-use trace::database::verify::Verified;
+use trace::preparation::Prepared;
+use trace::scene::Warning;
 use trace::tracer::octree::census::Census;
 use trace::tracer::simd::Simd;
 use trace::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -37,6 +40,9 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
     pub scene: Scene,
+    /// `None` in reports of version 1.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub camera: Option<Camera>,
     pub image: Image,
     /// `None` where nothing traced.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -62,6 +68,9 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
     pub incidents: Vec<Incident>,
+    /// About the scene.
+    #[serde(default)]
+    pub warnings: Vec<Warning>,
     /// `None` where no fault was asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub chaos: Option<Chaos>,
@@ -84,12 +93,20 @@ pub struct Scene {
     /// Polygons before triangulation, spheres and cones.
     pub primitives: u64,
     pub database_bytes: u64,
+    /// `None` where there are no primitives.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub bounds: Option<Bounds>,
 }
 
 impl Scene {
-    pub fn new(source: String, database: &Verified) -> Self {
-        let header = &database.database().header;
-        Self { source, primitives: header.scene_primitives, database_bytes: header.layout.database_bytes() }
+    pub fn new(source: String, prepared: &Prepared) -> Self {
+        let header = &prepared.database.database().header;
+        Self {
+            source,
+            primitives: header.scene_primitives,
+            database_bytes: header.layout.database_bytes(),
+            bounds: prepared.bounds.map(Bounds::new),
+        }
     }
 }
 
@@ -345,7 +362,20 @@ pub(crate) mod fixture {
             build: "0.1.0".to_owned(),
             status: Status::Failed,
             error: Some("the display died".to_owned()),
-            scene: Scene { source: "gears 2".to_owned(), primitives: 1169, database_bytes: 65_536 },
+            scene: Scene {
+                source: "gears 2".to_owned(),
+                primitives: 1169,
+                database_bytes: 65_536,
+                bounds: Some(Bounds { low: [-1.0; 3], high: [1.0, 2.0, 4.0] }),
+            },
+            camera: Some(Camera {
+                from: [0.0, 0.0, 9.0],
+                at: [0.0; 3],
+                up: [0.0, 1.0, 0.0],
+                angle: 45.0,
+                source: view::CameraSource::Framing,
+                chosen: vec!["from".to_owned()],
+            }),
             image: Image {
                 width: 64,
                 height: 48,
@@ -383,6 +413,14 @@ pub(crate) mod fixture {
             conservation: Some(Conservation::new(vec![conservation::Check::new("a = b", 1, 1)])),
             verification: Some(verification::fixture()),
             incidents: vec![Incident { seconds: 1.25, text: "node 1 died: signal 9".to_owned() }],
+            warnings: vec![Warning {
+                file: Some(PathBuf::from("a.obj")),
+                line: Some(7),
+                column: Some(2),
+                kind: "short-face".to_owned(),
+                count: 3,
+                text: "a face of two corners, is left out".to_owned(),
+            }],
             chaos: Some(Chaos { schedule: "kill node 1@10%".to_owned(), carried_out: 1, longest_wait_seconds: 0.75 }),
             seconds: Seconds { load: 0.5, octree: 0.25, render: 2.0, render_cpu: 3.5, total: 3.0 },
         }
@@ -405,6 +443,7 @@ mod tests {
     fn what_does_not_apply_is_left_out() {
         let render = Report {
             error: None,
+            camera: None,
             kernel: None,
             tests: None,
             tiles: None,
@@ -417,9 +456,19 @@ mod tests {
             ..fixture::report()
         };
         let json = serde_json::to_value(&render).expect("plain data");
-        for key in
-            ["error", "kernel", "tests", "tiles", "nodes", "memory", "bus", "conservation", "verification", "chaos"]
-        {
+        for key in [
+            "error",
+            "camera",
+            "kernel",
+            "tests",
+            "tiles",
+            "nodes",
+            "memory",
+            "bus",
+            "conservation",
+            "verification",
+            "chaos",
+        ] {
             assert!(json.get(key).is_none(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Report>(json).expect("reads back"), render);

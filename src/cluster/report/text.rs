@@ -102,7 +102,11 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         "image",
         format_args!("{}x{}, sha256 {}", image.width, image.height, image.sha256.as_deref().unwrap_or("unknown")),
     )?;
-    image.files.iter().try_for_each(|file| line(out, "", format_args!("{}", file.display())))
+    image.files.iter().try_for_each(|file| line(out, "", format_args!("{}", file.display())))?;
+    report
+        .warnings
+        .iter()
+        .try_for_each(|warning| line(out, "warning", format_args!("{}", super::incident::line(&warning.to_string()))))
 }
 
 /// What only a run with processes has.
@@ -246,7 +250,7 @@ mod tests {
             "unverified   the image is not to be relied on: a = b: 1 against 2",
             "at 1.2 s: node 1 died: signal 9",
             "failed: the display died",
-            "out/image.png",
+            "out/image.png\nwarning      a.obj:7:2: a face of two corners, is left out (and 2 more)\n",
         ] {
             assert!(text.contains(part), "no {part:?} in\n{text}");
         }

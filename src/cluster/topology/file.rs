@@ -16,7 +16,8 @@ use super::value::{
 };
 use machine::hardware::specification::{self, MemorySize, Replacement, Transactions};
 use machine::tile_order::{Assignment, TileOrder};
-use trace::picture::ImageSettings;
+use trace::picture::{ImageSettings, Terminator};
+use trace::scene::UpAxis;
 use trace::scene::procedural::Kind;
 
 /// A topology of marti: what is rendered, by how many processing nodes, through how much local memory.
@@ -28,10 +29,10 @@ pub struct File {
     pub topology: Header,
     #[serde(deserialize_with = "table")]
     pub scene: Scene,
-    /// For a scene without a camera of its own; default: one that shows the whole scene.
+    /// Parts of the camera; what is left out is the scene's own, else such that the whole scene is seen.
     #[serde(deserialize_with = "some_table", skip_serializing_if = "Option::is_none")]
     pub camera: Option<Camera>,
-    /// For a scene without lights of its own.
+    /// Instead of all lights of the scene.
     #[serde(deserialize_with = "tables", skip_serializing_if = "Vec::is_empty")]
     pub light: Vec<Light>,
     #[serde(deserialize_with = "table")]
@@ -101,32 +102,29 @@ pub struct Scene {
     /// Linear RGB where a ray hits nothing; default: the scene's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<[Channel; 3]>,
+    /// Which axis is up where neither the scene nor `camera` has a camera that says so; default: "y".
+    #[serde(deserialize_with = "some_name", skip_serializing_if = "Option::is_none")]
+    pub up: Option<UpAxis>,
 }
 
-/// A pinhole camera.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+/// A pinhole camera: at least one of its parts.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+#[schemars(extend("minProperties" = 1))]
 pub struct Camera {
-    /// The eye, world units.
-    pub from: [Coordinate; 3],
-    /// The point in the middle of the image, world units.
-    pub at: [Coordinate; 3],
-    /// The direction that is up in the image; need not be perpendicular to the view.
-    #[serde(default = "Camera::up")]
-    pub up: [Coordinate; 3],
-    /// Full vertical field of view, degrees.
-    #[serde(default = "Camera::angle")]
-    pub angle: Angle,
-}
-
-impl Camera {
-    fn up() -> [Coordinate; 3] {
-        [0.0, 1.0, 0.0].map(Coordinate)
-    }
-
-    fn angle() -> Angle {
-        Angle(45.0)
-    }
+    /// The eye, world units; default: the scene's own, else where the whole scene is seen from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<[Coordinate; 3]>,
+    /// The point in the middle of the image, world units; default: the scene's own, else the middle of the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at: Option<[Coordinate; 3]>,
+    /// The direction that is up in the image; need not be perpendicular to the view; default: the scene's own, else the
+    /// axis `scene.up`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<[Coordinate; 3]>,
+    /// Full vertical field of view, degrees; default: the scene's own, else 45.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle: Option<Angle>,
 }
 
 /// A point light, not attenuated by distance.
@@ -164,11 +162,15 @@ pub struct Image {
     pub depth: Depth,
     /// A reflected or refracted ray is cast when its weight in the pixel exceeds this.
     pub cutoff: Cutoff,
+    /// Where smooth surfaces turn away from a light; default: as is usual for the scene's kind of file.
+    #[serde(deserialize_with = "some_name", skip_serializing_if = "Option::is_none")]
+    pub terminator: Option<Terminator>,
 }
 
 impl Default for Image {
     fn default() -> Self {
-        Self { width: None, height: None, tile: None, depth: Depth(ImageSettings::DEPTH_DEFAULT), cutoff: Cutoff(0.0) }
+        let depth = Depth(ImageSettings::DEPTH_DEFAULT);
+        Self { width: None, height: None, tile: None, depth, cutoff: Cutoff(0.0), terminator: None }
     }
 }
 

@@ -10,13 +10,12 @@ mod prove;
 mod prove_hosts;
 mod read;
 pub mod recorded;
+mod scene_topology;
 pub mod schema;
 pub mod value;
 mod write;
 
 use std::time::Duration;
-
-use glam::DVec3;
 
 pub use host::{Host, Launch};
 pub use overrides::Override;
@@ -24,9 +23,9 @@ pub use placement::Placement;
 
 use machine::hardware::specification::Cluster;
 use machine::tile_order::{Assignment, TileOrder};
-use trace::picture::{ImageSettings, Sides, Tiling, TilingError};
-use trace::preparation::{self, Fallback, PreparationError, Prepared};
-use trace::scene::{Camera, Light, SceneSource};
+use trace::picture::{ImageSettings, Sides, Terminator, Tiling, TilingError};
+use trace::preparation::{self, ImageDefaults, PreparationError, Prepared, ViewChoices};
+use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
 /// A proven topology: every value is within its range, every combination possible.
@@ -35,11 +34,8 @@ pub struct Topology {
     /// The file's stem; names the output folder.
     pub name: String,
     pub scene: SceneSource,
-    /// For scenes without one of their own; it does not override the file's.
-    pub camera: Option<Camera>,
-    /// For scenes without lights of their own.
-    pub lights: Vec<Light>,
-    pub background: Option<DVec3>,
+    /// What it says of the view; the rest is the scene's.
+    pub view: ViewChoices,
     pub image: Image,
     pub octree: Octree,
     pub cluster: Cluster,
@@ -57,6 +53,8 @@ pub struct Image {
     pub tile: (u32, u32),
     pub depth: u32,
     pub cutoff: f32,
+    /// `None`: as is usual for the scene's kind of file.
+    pub terminator: Option<Terminator>,
 }
 
 impl Image {
@@ -74,6 +72,17 @@ impl Image {
             self.tiling(width, height).map(drop)?;
         }
         Ok(())
+    }
+
+    /// The image settings of a scene with these defaults, whatever the tiles.
+    ///
+    /// # Errors
+    /// A setting is beyond what an image can have; those of a proven topology are not.
+    pub fn settings(&self, defaults: &ImageDefaults) -> Result<ImageSettings, String> {
+        let (width, height) = defaults.resolution;
+        let (width, height) = (self.width.unwrap_or(width), self.height.unwrap_or(height));
+        let settings = ImageSettings::new(width, height, self.depth, self.cutoff).map_err(|error| error.to_string())?;
+        Ok(settings.with_terminator(self.terminator.unwrap_or(defaults.terminator)))
     }
 
     /// The tiles of an image of these sides.
@@ -127,18 +136,16 @@ impl Topology {
     /// # Errors
     /// The scene cannot be read or is too large, or the image settings do not fit its resolution.
     pub fn prepare(&self) -> Result<Prepared, PreparationError> {
-        let fallback = Fallback { camera: self.camera, lights: self.lights.clone(), background: self.background };
-        preparation::prepare(&self.scene, self.octree, &fallback, |camera| self.image_settings(camera))
+        preparation::prepare(&self.scene, self.octree, &self.view, |defaults| self.image_settings(defaults))
     }
 
-    /// The image settings, once the scene's own resolution is known.
+    /// The image settings, once the scene's own are known.
     ///
     /// # Errors
     /// The tile is larger than the image, or too small for it.
-    pub fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
-        let (width, height) = camera.resolution.unwrap_or((512, 512));
-        let (width, height) = (self.image.width.unwrap_or(width), self.image.height.unwrap_or(height));
-        self.image.check_tile(Some(width), Some(height))?;
-        ImageSettings::new(width, height, self.image.depth, self.image.cutoff).map_err(|error| error.to_string())
+    pub fn image_settings(&self, defaults: &ImageDefaults) -> Result<ImageSettings, String> {
+        let settings = self.image.settings(defaults)?;
+        self.image.check_tile(Some(settings.width()), Some(settings.height()))?;
+        Ok(settings)
     }
 }

@@ -28,8 +28,8 @@ impl Override {
     pub(super) fn displaces(&self) -> &'static [&'static str] {
         match self.key.iter().map(String::as_str).collect::<Vec<_>>()[..] {
             ["scene"] => &["camera", "light"],
-            ["scene", "file"] => &["camera", "light", "scene.procedural", "scene.size"],
-            ["scene", "procedural"] => &["camera", "light", "scene.file", "scene.size"],
+            ["scene", "file"] => &["camera", "light", "scene.procedural", "scene.size", "scene.up"],
+            ["scene", "procedural"] => &["camera", "light", "scene.file", "scene.size", "scene.up"],
             _ => &[],
         }
     }
@@ -105,9 +105,12 @@ mod tests {
     use std::fs;
     use std::path::PathBuf;
 
+    use glam::DVec3;
+
     use super::*;
     use crate::topology::Topology;
     use machine::hardware::specification::MemorySize;
+    use trace::preparation::ViewChoices;
     use trace::scene::SceneSource;
     use trace::scene::SourceError;
     use trace::scene::procedural::{Kind, Procedural};
@@ -145,7 +148,7 @@ mod tests {
     fn tables_and_elements_can_be_set() {
         let topology = read_well(&["cluster={ nodes = 2 }", "light.1.position=[7, 8, 9]", "light.0.position.2=-1"]);
         assert_eq!(topology.cluster.nodes, 2);
-        let positions: Vec<[f64; 3]> = topology.lights.iter().map(|light| light.position.to_array()).collect();
+        let positions: Vec<[f64; 3]> = topology.view.lights.iter().map(|light| light.position.to_array()).collect();
         assert_eq!(positions, [[1.0, 2.0, -1.0], [7.0, 8.0, 9.0]]);
     }
 
@@ -159,13 +162,17 @@ mod tests {
         for overrides in [["scene.file=x/a.obj", "image.width=32"], ["image.width=32", "scene.file=x/a.obj"]] {
             let topology = read_well(&overrides);
             assert_eq!(topology.scene, SceneSource::File(PathBuf::from("x/a.obj")), "from the working directory");
-            assert_eq!((topology.camera, topology.lights), (None, Vec::new()));
+            assert_eq!(topology.view, ViewChoices::default());
         }
         let gears = read_well(&["scene.procedural=gears"]);
         assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 4 }));
-        assert_eq!((gears.camera, gears.lights), (None, Vec::new()));
+        assert_eq!(gears.view, ViewChoices::default());
         let smaller = read_well(&["scene.size=2"]);
-        assert_eq!((smaller.camera.is_some(), smaller.lights.len()), (true, 2), "the same scene keeps both");
+        assert_eq!(
+            (smaller.view.camera.from.is_some(), smaller.view.lights.len()),
+            (true, 2),
+            "the same scene keeps both"
+        );
     }
 
     #[test]
@@ -173,8 +180,8 @@ mod tests {
         let view =
             ["camera.at=[0, 0, 0]", "camera.from=[0, 0, 1]", "scene.file=a.obj", "light=[{ position = [1, 1, 1] }]"];
         let topology = read_well(&view);
-        assert_eq!(topology.camera.map(|camera| camera.from.z), Some(1.0));
-        assert_eq!(topology.lights.len(), 1);
+        assert_eq!(topology.view.camera.from, Some(DVec3::Z));
+        assert_eq!(topology.view.lights.len(), 1);
     }
 
     #[test]

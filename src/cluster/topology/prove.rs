@@ -11,8 +11,9 @@ use super::value::{Channel, Coordinate, Quantum, Seconds};
 use super::{Deadlines, Image, Run, Topology, prove_hosts};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor};
 use trace::picture::ImageSettings;
+use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
-use trace::scene::{Camera, Light, SourceError};
+use trace::scene::{Light, SourceError};
 use trace::tracer::octree::Octree;
 
 type Result<T> = std::result::Result<T, SourceError>;
@@ -26,16 +27,19 @@ const VERIFY_NODES_MIN: u16 = 3;
 /// # Errors
 /// The first combination of values that is not possible.
 pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Result<Topology> {
-    let camera = written.camera.as_ref().map(|camera| prove_camera(camera, document)).transpose()?;
+    let camera = written.camera.as_ref().map(|camera| prove_camera(camera, document)).transpose()?.unwrap_or_default();
     let light = |light: &file::Light| Light { position: point(light.position), colour: colour(light.colour) };
     let cluster = cluster(&written.cluster, document)?;
     Ok(Topology {
         hosts: prove_hosts::prove(written, &cluster, document)?,
         name: name(path, written, document)?,
         scene: source(path, &written.scene, document)?,
-        camera,
-        lights: written.light.iter().map(light).collect(),
-        background: written.scene.background.map(colour),
+        view: ViewChoices {
+            camera,
+            lights: written.light.iter().map(light).collect(),
+            background: written.scene.background.map(colour),
+            up: written.scene.up,
+        },
         image: image(&written.image, document)?,
         octree: Octree {
             leaf_size: written.octree.leaf_size.0,
@@ -53,15 +57,21 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
     })
 }
 
+const NAME_BYTES_MAX: usize = 255;
+
+/// Whether a folder of this name is where it is made.
+pub(super) fn is_folders_name(name: &str) -> bool {
+    let leads_elsewhere = matches!(name, "" | "." | "..") || name.contains(['/', '\\']);
+    !leads_elsewhere && name.len() <= NAME_BYTES_MAX && !name.contains(char::is_control)
+}
+
 /// The name becomes that of a folder: it may not lead anywhere else.
 fn name(path: &Path, written: &File, document: &Document<'_>) -> Result<String> {
-    const BYTES_MAX: usize = 255;
     let stem = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = written.topology.name.clone().unwrap_or_else(stem);
-    let leads_elsewhere = matches!(name.as_str(), "" | "." | "..") || name.contains(['/', '\\']);
-    if leads_elsewhere || name.len() > BYTES_MAX || name.contains(char::is_control) {
+    if !is_folders_name(&name) {
         let what = format!(
-            "topology.name is {name:?}, expected the name of a folder: 1 to {BYTES_MAX} bytes, no slashes, not . or .."
+            "topology.name is {name:?}, expected the name of a folder: 1 to {NAME_BYTES_MAX} bytes, no slashes, not . or .."
         );
         return Err(document.error(&["topology.name"], what));
     }
@@ -94,9 +104,13 @@ fn source(path: &Path, written: &file::Scene, document: &Document<'_>) -> Result
     }
 }
 
-fn prove_camera(written: &file::Camera, document: &Document<'_>) -> Result<Camera> {
-    let (from, at, up) = (point(written.from), point(written.at), point(written.up));
-    let camera = Camera { from, at, up, angle_degrees: written.angle.0, resolution: None };
+/// What is left out is known when the scene is: the whole is checked again then.
+fn prove_camera(written: &file::Camera, document: &Document<'_>) -> Result<CameraChoices> {
+    let [from, at, up] = [written.from, written.at, written.up].map(|written| written.map(point));
+    let camera = CameraChoices { from, at, up, angle_degrees: written.angle.map(|angle| angle.0) };
+    if camera.parts().is_empty() {
+        return Err(document.error(&["camera"], "camera is empty, expected at least one of from, at, up, angle"));
+    }
     let keys = ["camera", "camera.from", "camera.at", "camera.up", "camera.angle"];
     camera.check().map_err(|what| document.error(&keys, format!("camera: {what}")))?;
     Ok(camera)
@@ -106,7 +120,8 @@ fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {
     let (width, height) = (written.width.map(|side| side.0), written.height.map(|side| side.0));
     let default_side = |side: Option<u32>| TILE_SIDE.min(side.unwrap_or(ImageSettings::SIDE_MAX));
     let tile = written.tile.map_or_else(|| (default_side(width), default_side(height)), |tile| (tile.0, tile.1));
-    let image = Image { width, height, tile, depth: written.depth.0, cutoff: written.cutoff.0 };
+    let file::Image { depth, cutoff, terminator, .. } = *written;
+    let image = Image { width, height, tile, depth: depth.0, cutoff: cutoff.0, terminator };
     let keys = ["image.tile", "image.width", "image.height"];
     image.check_tile(width, height).map_err(|what| document.error(&keys, what))?;
     Ok(image)

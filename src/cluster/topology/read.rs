@@ -45,6 +45,7 @@ mod tests {
         Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor, Replacement, Transactions,
     };
     use machine::tile_order::{Assignment, TileOrder};
+    use trace::preparation::ViewChoices;
     use trace::scene::SceneSource;
     use trace::tracer::octree::Octree;
 
@@ -123,10 +124,11 @@ mod tests {
             ),
             ("scene.background = [0.1, 0]", "2:20: scene.background is [0.1, 0], expected three numbers"),
             ("scene.background = 'black'", "2:20: scene.background is 'black', expected three numbers"),
-            ("[camera]\nat = [0, 0, 0]", "2:1: camera.from is missing, expected a value"),
+            ("[camera]", "2:1: camera is empty, expected at least one of from, at, up, angle"),
+            ("scene.up = 'x'", "2:12: scene.up is 'x', expected one of y, z"),
             ("[camera]\nfrom = [1, 2, 3]\nat = [1, 2, 3]", "2:1: camera: from and at are the same point, expected two"),
             (
-                "[camera]\nfrom = [0, 0, 0]\nat = [0, 2, 0]",
+                "[camera]\nfrom = [0, 0, 0]\nat = [0, 2, 0]\nup = [0, 1, 0]",
                 "2:1: camera: up is along the view direction, expected it to point aside",
             ),
             (
@@ -191,6 +193,10 @@ mod tests {
             ("[image]\ndepth = 65", "3:9: image.depth is 65, expected an integer from 0 to 64"),
             ("[image]\ncutoff = -0.5", "3:10: image.cutoff is -0.5, expected a number from 0 to 1"),
             ("[image]\ncutoff = nan", "3:10: image.cutoff is nan, expected a number from 0 to 1"),
+            (
+                "[image]\nterminator = 'sotf'",
+                "3:14: image.terminator is 'sotf', expected one of hard, soft; did you mean soft?",
+            ),
             ("[octree]\nmailbox = 'on'", "3:11: octree.mailbox is 'on', expected a boolean"),
             (
                 "[octree]\nleafsize = 8",
@@ -306,10 +312,8 @@ mod tests {
         let defaults = Topology {
             name: "t".to_owned(),
             scene: SceneSource::File("scenes/a.obj".into()),
-            camera: None,
-            lights: Vec::new(),
-            background: None,
-            image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0 },
+            view: ViewChoices::default(),
+            image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0, terminator: None },
             octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
             cluster: Cluster {
                 count: 1,
@@ -367,15 +371,18 @@ mod tests {
             "scene.procedural",
             "scene.size",
             "scene.background",
+            "scene.up",
             "camera.from",
             "camera.at",
             "camera.up",
+            "camera.angle",
             "light",
             "image.width",
             "image.height",
             "image.tile",
             "image.depth",
             "image.cutoff",
+            "image.terminator",
             "octree.leaf_size",
             "cluster.nodes",
             "cluster.local_memory.size",
@@ -408,6 +415,8 @@ mod tests {
                 "'random'",
                 "'round_robin'",
                 "'morton'",
+                "'soft'",
+                "'z'",
                 "1",
                 "true",
                 "1979-05-27",

@@ -11,6 +11,7 @@ use super::value::{
 };
 use super::{Image, Run, Topology};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, Processor};
+use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
@@ -28,17 +29,11 @@ impl From<&Topology> for File {
     fn from(topology: &Topology) -> Self {
         let light =
             |light: &trace::scene::Light| file::Light { position: point(light.position), colour: colour(light.colour) };
-        let camera = |camera: &trace::scene::Camera| file::Camera {
-            from: point(camera.from),
-            at: point(camera.at),
-            up: point(camera.up),
-            angle: Angle(camera.angle_degrees),
-        };
         Self {
             topology: file::Header { version: Version(1), name: Some(topology.name.clone()) },
-            scene: scene(&topology.scene, topology.background),
-            camera: topology.camera.as_ref().map(camera),
-            light: topology.lights.iter().map(light).collect(),
+            scene: scene(&topology.scene, &topology.view),
+            camera: camera(&topology.view.camera),
+            light: topology.view.lights.iter().map(light).collect(),
             image: image(&topology.image),
             octree: octree(topology.octree),
             cluster: cluster(&topology.cluster),
@@ -48,8 +43,8 @@ impl From<&Topology> for File {
     }
 }
 
-fn scene(source: &SceneSource, background: Option<DVec3>) -> file::Scene {
-    let mut scene = file::Scene { background: background.map(colour), ..file::Scene::default() };
+fn scene(source: &SceneSource, view: &ViewChoices) -> file::Scene {
+    let mut scene = file::Scene { background: view.background.map(colour), up: view.up, ..file::Scene::default() };
     match source {
         SceneSource::File(path) => scene.file = Some(absolute(path)),
         SceneSource::Procedural(procedural) => {
@@ -65,6 +60,12 @@ fn absolute(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).to_string_lossy().into_owned()
 }
 
+fn camera(camera: &CameraChoices) -> Option<file::Camera> {
+    let angle = camera.angle_degrees.map(Angle);
+    let [from, at, up] = [camera.from, camera.at, camera.up].map(|chosen| chosen.map(point));
+    (!camera.parts().is_empty()).then_some(file::Camera { from, at, up, angle })
+}
+
 fn image(image: &Image) -> file::Image {
     file::Image {
         width: image.width.map(Side),
@@ -72,6 +73,7 @@ fn image(image: &Image) -> file::Image {
         tile: Some(Tile(image.tile.0, image.tile.1)),
         depth: Depth(image.depth),
         cutoff: Cutoff(image.cutoff),
+        terminator: image.terminator,
     }
 }
 
@@ -168,10 +170,10 @@ mod tests {
     /// Every key, and none with its default: what a writer forgets is not there when it is read again.
     const UNUSUAL: &str = "\
         topology.name = 'unusual ü'\n\
-        scene = { file = '/scenes/a.obj', background = [0.1, 0.2, 1e-9] }\n\
+        scene = { file = '/scenes/a.obj', background = [0.1, 0.2, 1e-9], up = 'z' }\n\
         camera = { from = [1e9, -2.5, 0.1], at = [1, 2, 3], up = [0, 0, 1], angle = 33.3 }\n\
         light = [{ position = [1, 2, 3] }, { position = [4, 5, 6], colour = [0.25, 0, 3] }]\n\
-        image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1 }\n\
+        image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1, terminator = 'soft' }\n\
         octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
         cluster.count = 3\n\
         cluster.nodes = 256\n\

@@ -6,41 +6,80 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::{Failure, print};
+use super::{Failure, print, subject};
+use cluster::processes::scene_warnings;
+use cluster::report::{Bounds, Camera};
 use cluster::topology::{Host, Launch, Override, Topology};
 use machine::hardware::specification::{Arbiter, LocalMemory, MemorySize};
 use machine::tile_order::Assignment;
 use trace::picture::{ImageSettings, Tiling};
+use trace::preparation::{self, ImageDefaults};
 use trace::scene::SceneSource;
 use trace::scene::procedural::Procedural;
-use trace::scene::{Camera, Scene};
+use trace::scene::{Scene, Warning};
 
 /// Check a topology and its scene, and print what would run
 #[derive(Clone, Debug, Args)]
 pub struct CheckArguments {
-    /// Topology file (docs/topology.md)
+    /// Topology file (docs/topology.md), or a scene by itself, as for `marti run`
     pub topology: PathBuf,
     /// Set a key of the topology, such as cluster.nodes=9
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<Override>,
+    /// Warnings about the scene are errors
+    #[arg(long)]
+    strict: bool,
 }
 
 pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
-    let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    let topology = subject::topology(&arguments.topology, &arguments.set)?;
     let scene = match &topology.scene {
         // It takes its time, and nothing can be wrong with it.
         SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => None,
         source => Some(source.load()?),
     };
-    let camera = scene.as_ref().and_then(|scene| scene.camera).or(topology.camera);
-    let image = topology
-        .image_settings(&camera.unwrap_or_else(|| Camera::framing(None)))
+    let subject = Subject::new(&topology, scene.as_ref())
         .map_err(|what| Failure::bad_input(format!("{}: {what}", arguments.topology.display())))?;
-    print(&summary(&topology, scene.as_ref(), &image))
+    scene_warnings::show(&subject.warnings);
+    if arguments.strict && !subject.warnings.is_empty() {
+        return Err(Failure::of_warnings());
+    }
+    print(&summary(&topology, &subject))
+}
+
+/// What would be rendered.
+struct Subject {
+    image: ImageSettings,
+    /// `None` where the scene was not read.
+    scene: Option<Seen>,
+    warnings: Vec<Warning>,
+}
+
+struct Seen {
+    primitives: usize,
+    bounds: Option<Bounds>,
+    camera: Camera,
+}
+
+impl Subject {
+    fn new(topology: &Topology, scene: Option<&Scene>) -> Result<Self, String> {
+        let settings = |defaults: &ImageDefaults| topology.image_settings(defaults);
+        let Some(scene) = scene else {
+            let image = settings(&ImageDefaults::of(&Scene::default()))?;
+            return Ok(Self { image, scene: None, warnings: Vec::new() });
+        };
+        let chosen = preparation::choose(scene, &topology.view, settings)?;
+        let bounds = chosen.bounds.map(Bounds::new);
+        Ok(Self {
+            image: chosen.view.image,
+            scene: Some(Seen { primitives: scene.primitive_count(), bounds, camera: (&chosen).into() }),
+            warnings: scene.warnings.all().iter().cloned().chain(chosen.warnings).collect(),
+        })
+    }
 }
 
 /// One line a subject.
-fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) -> String {
+fn summary(topology: &Topology, Subject { image, scene, .. }: &Subject) -> String {
     let mut text = String::new();
     let mut line = |subject: &str, said: fmt::Arguments<'_>| {
         // Writing to a string cannot fail.
@@ -48,11 +87,18 @@ fn summary(topology: &Topology, scene: Option<&Scene>, image: &ImageSettings) ->
     };
     line("topology", format_args!("{}", topology.name));
     match scene {
-        Some(scene) => line("scene", format_args!("{}, {} primitives", topology.scene, scene.primitive_count())),
+        Some(Seen { primitives, bounds, camera }) => {
+            line("scene", format_args!("{}, {primitives} primitives", topology.scene));
+            if let Some(bounds) = bounds {
+                line("bounds", format_args!("{bounds}"));
+            }
+            line("camera", format_args!("{camera}"));
+        }
         None => line("scene", format_args!("{}", topology.scene)),
     }
     let (width, height, depth, cutoff) = (image.width(), image.height(), image.depth(), image.cutoff());
-    line("image", format_args!("{width}x{height} pixels, depth {depth}, cutoff {cutoff}"));
+    let terminator = image.terminator();
+    line("image", format_args!("{width}x{height} pixels, depth {depth}, cutoff {cutoff}, {terminator} terminator"));
     let (tile_width, tile_height) = topology.image.tile;
     // Its settings were made from the same topology, which has checked them.
     let tiles = topology.image.tiling(width, height).map_or(0, Tiling::tile_count);
@@ -136,8 +182,7 @@ mod tests {
         let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
         let topology = Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
         let scene = topology.scene.load().expect("a procedural scene");
-        let image = topology.image_settings(&scene.camera.expect("has a camera")).expect("the tile fits");
-        summary(&topology, Some(&scene), &image)
+        summary(&topology, &Subject::new(&topology, Some(&scene)).expect("the tile fits"))
     }
 
     #[test]

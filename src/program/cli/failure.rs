@@ -56,6 +56,13 @@ impl fmt::Display for Failure {
     }
 }
 
+impl Failure {
+    /// Of a scene with warnings, where they are to be errors.
+    pub(super) fn of_warnings() -> Self {
+        Self::bad_input("the scene has warnings, which --strict makes errors")
+    }
+}
+
 impl From<PreparationError> for Failure {
     fn from(error: PreparationError) -> Self {
         Self::bad_input(error.to_string())

@@ -7,9 +7,12 @@ use serde::Serialize;
 
 use super::options::OctreeOptions;
 use super::{Failure, print};
+use cluster::processes::scene_warnings;
+use cluster::report::{Bounds, Camera};
 use trace::database::Section;
 use trace::database::verify::Verified;
-use trace::preparation;
+use trace::picture::ImageSettings;
+use trace::preparation::{self, ChosenView, ImageDefaults, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::census::{Census, Level};
@@ -27,10 +30,16 @@ pub struct InspectArguments {
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
-    let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
+    let octree = arguments.octree.octree(Octree::DEFAULT);
     let scene = arguments.scene.load()?;
+    let image = |defaults: &ImageDefaults| {
+        let (width, height) = defaults.resolution;
+        ImageSettings::new(width, height, 0, 0.0).map_err(|error| error.to_string())
+    };
+    let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
+    scene_warnings::show(scene.warnings.all().iter().chain(&chosen.warnings));
     let database = preparation::build(&arguments.scene, scene, octree)?;
-    let inspection = Inspection::of(arguments.scene.to_string(), &database);
+    let inspection = Inspection::of(arguments.scene.to_string(), &chosen, &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;
         print(&(json + "\n"))
@@ -49,6 +58,10 @@ struct Inspection {
     primitives: u64,
     database_bytes: u64,
     bytes_per_primitive: f64,
+    /// Left out where there are no primitives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bounds: Option<Bounds>,
+    camera: Camera,
     sections: Vec<SectionRow>,
     octree: OctreeTotals,
     /// By level, from the root's on.
@@ -85,7 +98,7 @@ struct LevelRow {
 }
 
 impl Inspection {
-    fn of(scene: String, database: &Verified) -> Self {
+    fn of(scene: String, chosen: &ChosenView, database: &Verified) -> Self {
         let header = &database.database().header;
         let layout = &header.layout;
         let section = |section: Section| SectionRow {
@@ -105,6 +118,8 @@ impl Inspection {
             primitives,
             database_bytes: layout.database_bytes(),
             bytes_per_primitive: each(layout.database_bytes()),
+            bounds: chosen.bounds.map(Bounds::new),
+            camera: chosen.into(),
             sections: Section::ALL.map(section).to_vec(),
             octree: OctreeTotals {
                 nodes,
@@ -128,6 +143,10 @@ impl Inspection {
 
     fn write(&self, out: &mut String) -> std::fmt::Result {
         writeln!(out, "scene     {}, {} primitives", self.scene, self.scene_primitives)?;
+        if let Some(bounds) = &self.bounds {
+            writeln!(out, "bounds    {bounds}")?;
+        }
+        writeln!(out, "camera    {}", self.camera)?;
         writeln!(
             out,
             "database  {} bytes for {} primitives after triangulation, {:.1} bytes each\n",

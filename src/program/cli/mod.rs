@@ -9,14 +9,17 @@ pub mod inspect;
 pub mod keys;
 mod lists;
 pub mod options;
+mod output_path;
 pub mod render;
 pub mod replay;
 pub mod run;
 pub mod scene;
 pub mod schema;
 pub mod study;
+mod subject;
 mod table;
 pub mod verify;
+mod view_options;
 mod watertight;
 
 use std::io::{self, ErrorKind, Write};

@@ -45,17 +45,22 @@ impl OutputOptions {
 /// How the octree is built.
 #[derive(Clone, Debug, Args)]
 pub struct OctreeOptions {
-    /// A leaf that holds more primitives than this is divided
-    #[arg(long, value_name = "N", default_value_t = LeafSize(Octree::DEFAULT.leaf_size))]
-    leaf_size: LeafSize,
-    /// Deepest octree level; the root is level 0
-    #[arg(long, value_name = "N", default_value_t = MaxDepth(Octree::DEFAULT.max_depth))]
-    max_depth: MaxDepth,
+    /// A leaf that holds more primitives than this is divided [default: 8, or the topology's]
+    #[arg(long, value_name = "N")]
+    leaf_size: Option<LeafSize>,
+    /// Deepest octree level; the root is level 0 [default: 12, or the topology's]
+    #[arg(long, value_name = "N")]
+    max_depth: Option<MaxDepth>,
 }
 
 impl OctreeOptions {
-    pub fn octree(&self, mailbox: bool) -> Octree {
-        Octree { leaf_size: self.leaf_size.0, max_depth: self.max_depth.0, mailbox }
+    /// What is not given is as in `others`.
+    pub fn octree(&self, others: Octree) -> Octree {
+        Octree {
+            leaf_size: self.leaf_size.map_or(others.leaf_size, |LeafSize(size)| size),
+            max_depth: self.max_depth.map_or(others.max_depth, |MaxDepth(depth)| depth),
+            ..others
+        }
     }
 }
 
@@ -122,7 +127,7 @@ mod tests {
     fn the_octree_is_the_topologys_default_unless_told() {
         let octree = |arguments: &[&str]| {
             let line = ["x"].into_iter().chain(arguments.iter().copied());
-            Options::try_parse_from(line).expect("parses").octree.octree(true)
+            Options::try_parse_from(line).expect("parses").octree.octree(Octree::DEFAULT)
         };
         assert_eq!(octree(&[]), Octree::DEFAULT);
         assert_eq!(octree(&["--leaf-size", "3"]), Octree { leaf_size: 3, ..Octree::DEFAULT });

@@ -8,15 +8,16 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum, value_parser};
 
 use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
-use super::{Failure, print};
+use super::view_options::ViewOptions;
+use super::{Failure, output_path, print, subject};
+use cluster::processes::scene_warnings;
 use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use cluster::topology::value::{Cutoff, Depth};
+use cluster::topology::{self, Topology};
 use ground::progress::{Progress, Status};
 use trace::image_file;
-use trace::picture::ImageSettings;
-use trace::preparation::{self, Fallback, Prepared};
+use trace::preparation::{self, ImageDefaults, Prepared};
 use trace::render::{self, Kernel, Rendering, Settings};
-use trace::scene::Camera;
 use trace::scene::SceneSource;
 use trace::tracer::bvh8::Bvh8;
 use trace::tracer::octree::Octree;
@@ -26,9 +27,10 @@ use trace::tracer::simd::Simd;
 /// Render a scene in this one process: the fastest way on one machine
 #[derive(Clone, Debug, Args)]
 pub struct RenderArguments {
-    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2
+    /// An .nff or .obj file, or gears, teapot, balls, tetra, slivers, plane, decades, giant, corner, also with a size as in gears:2;
+    /// or a topology file: its scene, view and image, but for what is given here
     pub scene: SceneSource,
-    /// Image to write [default: the scene's name with .png]
+    /// Image to write, into a folder that exists [default: the name of the scene, or of the topology, with .png]
     #[arg(long, short, value_name = "NAME.png", value_parser = png_path)]
     output: Option<PathBuf>,
     /// Pixels of the image [default: the scene file's resolution, else 512x512]
@@ -40,17 +42,19 @@ pub struct RenderArguments {
     /// Render so many times; the seconds reported are medians
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1000))]
     pub repeat: u32,
-    /// How many reflections or refractions may follow one another
-    #[arg(long, value_name = "N", default_value_t = Depth(ImageSettings::DEPTH_DEFAULT))]
-    pub depth: Depth,
-    /// A reflected or refracted ray is cast when its weight in the pixel exceeds this
-    #[arg(long, value_name = "X", default_value_t = Cutoff(0.0), allow_negative_numbers = true)]
-    pub cutoff: Cutoff,
+    /// How many reflections or refractions may follow one another [default: 4, or the topology's]
+    #[arg(long, value_name = "N")]
+    pub depth: Option<Depth>,
+    /// A reflected or refracted ray is cast when its weight in the pixel exceeds this [default: 0, or the topology's]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    pub cutoff: Option<Cutoff>,
+    #[command(flatten)]
+    view: ViewOptions,
     #[command(flatten)]
     octree: OctreeOptions,
-    /// Test a primitive that stands in many leaves only once a ray
-    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true, default_value_t = Switch::On)]
-    mailbox: Switch,
+    /// Test a primitive that is in many leaves only once per ray [default: on, or the topology's]
+    #[arg(long, value_enum, value_name = "on|off", hide_possible_values = true)]
+    mailbox: Option<Switch>,
     /// What traces; the image is the same
     #[arg(long, value_enum, value_name = "packets|single", hide_possible_values = true, default_value_t = KernelName::Packets)]
     kernel: KernelName,
@@ -65,6 +69,9 @@ pub struct RenderArguments {
     /// Also write a report as JSON (docs/report.md)
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+    /// Warnings about the scene are errors: nothing is rendered
+    #[arg(long)]
+    strict: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -74,25 +81,40 @@ enum KernelName {
 }
 
 impl RenderArguments {
-    pub fn octree(&self) -> Octree {
-        self.octree.octree(self.mailbox == Switch::On)
+    /// The topology's settings, or those of a scene alone, with the options in their place.
+    fn subject(&self) -> Result<Topology, Failure> {
+        let topology = match &self.scene {
+            SceneSource::File(path) if subject::is_topology(path) => Topology::read(path, &[])?,
+            scene => Topology::of_scene(scene, &[])?,
+        };
+        let octree = self.octree.octree(topology.octree);
+        let image = topology.image;
+        Ok(Topology {
+            view: self.view.choices().or(topology.view),
+            image: topology::Image {
+                width: self.size.map(|size| size.width).or(image.width),
+                height: self.size.map(|size| size.height).or(image.height),
+                depth: self.depth.map_or(image.depth, |Depth(depth)| depth),
+                cutoff: self.cutoff.map_or(image.cutoff, |Cutoff(cutoff)| cutoff),
+                terminator: self.view.terminator.or(image.terminator),
+                ..image
+            },
+            octree: Octree { mailbox: self.mailbox.map_or(octree.mailbox, |switch| switch == Switch::On), ..octree },
+            ..topology
+        })
     }
 
     fn threads(&self) -> usize {
         self.threads.map_or_else(|| available_parallelism().map_or(1, usize::from), |threads| threads as usize)
     }
 
-    fn image_settings(&self, camera: &Camera) -> Result<ImageSettings, String> {
-        let (width, height) = match self.size {
-            Some(size) => (size.width, size.height),
-            None => camera.resolution.unwrap_or((512, 512)),
-        };
-        ImageSettings::new(width, height, self.depth.0, self.cutoff.0).map_err(|error| error.to_string())
-    }
-
     /// The image to write.
-    pub fn image(&self) -> PathBuf {
-        self.output.clone().unwrap_or_else(|| PathBuf::from(self.scene.name() + ".png"))
+    fn image(&self, topology: &Topology) -> PathBuf {
+        let name = || match &self.scene {
+            SceneSource::File(path) if subject::is_topology(path) => topology.name.clone(),
+            scene => scene.name(),
+        };
+        self.output.clone().unwrap_or_else(|| PathBuf::from(name() + ".png"))
     }
 }
 
@@ -103,22 +125,28 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
     }
     let (aov, exr) = (arguments.planes.aov(), arguments.planes.exr());
+    let subject = arguments.subject()?;
+    let image = arguments.image(&subject);
     if let Some(report) = &arguments.report
-        && let files = image_file::files(&arguments.image(), aov, exr)
+        && let files = image_file::files(&image, aov, exr)
         && files.iter().any(|file| path::absolute(file).ok() == path::absolute(report).ok())
     {
         return Err(Failure::bad_input(format!("--report {}: the image is written to this file", report.display())));
     }
-    let octree = arguments.octree();
-    let prepared = preparation::prepare(&arguments.scene, octree, &Fallback::default(), |camera| {
-        arguments.image_settings(camera)
-    })?;
+    [Some(&image), arguments.report.as_ref()].into_iter().flatten().try_for_each(|file| output_path::check(file))?;
+    // One process has no tiles that could be too large.
+    let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
+    let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
+    scene_warnings::show(&prepared.warnings);
+    if arguments.strict && !prepared.warnings.is_empty() {
+        return Err(Failure::of_warnings());
+    }
     let derivation = Instant::now();
     let derived = packets.then(|| Bvh8::build(&prepared.database));
     let derivation = derivation.elapsed();
     let kernel = match &derived {
         Some(derived) => Kernel::Packets(derived, arguments.simd.unwrap_or_else(Simd::best)),
-        None => Kernel::Single { mailbox: octree.mailbox },
+        None => Kernel::Single { mailbox: subject.octree.mailbox },
     };
     let settings = Settings { threads: arguments.threads(), aov, kernel };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
@@ -139,7 +167,6 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
             break rendering;
         }
     };
-    let image = arguments.image();
     let files =
         rendering.frame.write(&image, exr).map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
     let seconds = Seconds {
@@ -149,7 +176,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         render_cpu: median(cpus),
         total: start.elapsed().as_secs_f64(),
     };
-    let report = report(arguments.scene.to_string(), &prepared, kernel, &rendering, files, seconds);
+    let report = report(subject.scene.to_string(), &prepared, kernel, &rendering, files, seconds);
     if let Some(path) = &arguments.report {
         json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
     }
@@ -177,7 +204,8 @@ fn report(
         build: env!("CARGO_PKG_VERSION").to_owned(),
         status: report::Status::Done,
         error: None,
-        scene: report::Scene::new(source, &prepared.database),
+        scene: report::Scene::new(source, prepared),
+        camera: Some(prepared.into()),
         image: report::Image {
             width: rendering.frame.width(),
             height: rendering.frame.height(),
@@ -199,6 +227,7 @@ fn report(
         verification: None,
         chaos: None,
         incidents: Vec::new(),
+        warnings: prepared.warnings.clone(),
         seconds,
     }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::options::OutputOptions;
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, print, subject};
 use cluster::chaos::FaultSchedule;
 use cluster::processes::manager::{self, Interrupt, RunEnd, RunRequest};
 use cluster::report::text;
@@ -15,7 +15,8 @@ use cluster::topology::{Override, Topology};
 /// Render a topology with all its processes
 #[derive(Clone, Debug, Args)]
 pub struct RunArguments {
-    /// Topology file (docs/topology.md)
+    /// Topology file (docs/topology.md); or a scene by itself, an .nff or .obj file or one such as gears:2: four nodes render it
+    /// that have all of it
     #[arg(required_unless_present = "resume")]
     pub topology: Option<PathBuf>,
     /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]; what an earlier run left
@@ -28,6 +29,9 @@ pub struct RunArguments {
     /// Use the folder though it holds files that no run wrote; those that are in the way are moved to DIR/earlier/N
     #[arg(long, conflicts_with = "resume")]
     pub force: bool,
+    /// Warnings about the scene are errors: nothing is started
+    #[arg(long)]
+    pub strict: bool,
     /// Set a key of the topology for this run, such as cluster.nodes=9
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<Override>,
@@ -66,12 +70,13 @@ pub enum Record {
 impl RunArguments {
     /// The topology and the folder that the run writes into.
     fn subject(&self) -> Result<(Topology, PathBuf), Failure> {
-        let (file, out) = match (&self.topology, &self.resume) {
-            (Some(file), _) => (file.clone(), self.out.clone()),
-            (None, Some(folder)) => (manager::resolved_topology(folder), Some(folder.clone())),
+        let (topology, out) = match (&self.topology, &self.resume) {
+            (Some(name), _) => (subject::topology(name, &self.set)?, self.out.clone()),
+            (None, Some(folder)) => {
+                (Topology::read(&manager::resolved_topology(folder), &self.set)?, Some(folder.clone()))
+            }
             (None, None) => return Err(Failure::new(Exit::BadInput, "no topology is given")),
         };
-        let topology = Topology::read(&file, &self.set)?;
         let out = out.unwrap_or_else(|| PathBuf::from("out").join(&topology.name));
         Ok((topology, out))
     }
@@ -104,6 +109,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         out,
         resume: arguments.resume.is_some(),
         force: arguments.force,
+        strict: arguments.strict,
         topology,
         aov: arguments.output.aov(),
         exr: arguments.output.exr(),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Failure;
+use super::{Failure, output_path};
 use trace::scene::procedural::{self, Kind, WriteError};
 
 /// Write a procedural scene as an NFF file
@@ -21,6 +21,7 @@ pub struct SceneArguments {
 }
 
 pub(super) fn scene(arguments: &SceneArguments) -> Result<(), Failure> {
+    arguments.output.iter().try_for_each(|file| output_path::check(file))?;
     procedural::write(arguments.kind, arguments.size, arguments.output.as_deref()).map_err(|error| match error {
         WriteError::Size(error) => Failure::bad_input(error.to_string()),
         WriteError::Io(error) => Failure::failed(error.to_string()),

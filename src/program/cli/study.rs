@@ -13,6 +13,7 @@ use super::{Failure, json, print};
 use crate::study::page::Page;
 use crate::study::paper::{self, Paper};
 use crate::study::sweep::{self, Sweep};
+use cluster::processes::scene_warnings;
 use cluster::topology::{Override, Topology};
 use ground::atomic_file;
 use ground::outlet;
@@ -79,6 +80,7 @@ pub(super) fn study(arguments: &StudyArguments) -> Result<(), Failure> {
 
 fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
     let output = &arguments.output;
+    output.make_folder()?;
     let steps = Steps::new(output.quiet, paper::STEPS);
     let found = Paper::study(|what| steps.begin(what));
     steps.clear();
@@ -95,8 +97,15 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let SweepArguments { output, grid, .. } = arguments;
     let timings = arguments.timings || grid.varies_bus();
     let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    output.make_folder()?;
     let steps = Steps::new(output.quiet, sweep::STEPS);
-    let found = Sweep::study(&topology, &grid.grid(), timings, |what| steps.begin(what));
+    let found = Sweep::study(
+        &topology,
+        &grid.grid(),
+        timings,
+        |what| steps.begin(what),
+        |warnings| scene_warnings::show(warnings),
+    );
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
     let table = Table::new(&sweep.rows)?;
@@ -110,11 +119,16 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
 }
 
 impl StudyOutput {
+    /// Before the work begins: where it cannot be, nothing is computed in vain.
+    fn make_folder(&self) -> Result<(), Failure> {
+        let Some(folder) = &self.out else { return Ok(()) };
+        fs::create_dir_all(folder).map_err(|error| Failure::bad_input(format!("{}: {error}", folder.display())))
+    }
+
     /// Into the folder, if there is to be one.
     fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Page) -> Result<(), Failure> {
         let Some(folder) = &self.out else { return Ok(()) };
         let failed = |error: io::Error| Failure::failed(error.to_string());
-        fs::create_dir_all(folder).map_err(|error| Failure::failed(format!("{}: {error}", folder.display())))?;
         let json = json(study)?;
         atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
         let html = page().to_string();

@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use super::options::OctreeOptions;
 use super::{Failure, print, watertight};
+use cluster::processes::scene_warnings;
 use trace::oracle::{self, AimedAt, Outcomes, Verification};
 use trace::picture::ImageSettings;
-use trace::preparation::{self, Fallback};
+use trace::preparation::{self, ViewChoices};
 use trace::scene::Placement;
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
@@ -55,7 +56,7 @@ pub struct VerifyArguments {
 }
 
 pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
-    let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
+    let octree = arguments.octree.octree(Octree::DEFAULT);
     match &arguments.scene {
         Some(source) => verify_scene(arguments, source, octree),
         None => watertight::verify(arguments.rays, arguments.seed, octree, arguments.json),
@@ -67,9 +68,10 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     let placement = Placement { scale: arguments.scale, translation: arguments.translate };
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| ImageSettings::new(1000, 1000, 0, 0.0).map_err(|error| error.to_string());
-    let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
+    let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
+    scene_warnings::show(scene.warnings.all().iter().chain(&chosen.warnings));
     let database = preparation::build(source, scene, octree)?;
-    let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);
+    let verification = oracle::verify(&database, &chosen.view, arguments.rays, arguments.seed);
     let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {
         print(&super::json(&report)?)?;

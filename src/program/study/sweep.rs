@@ -19,6 +19,7 @@ use machine::tile_order;
 use trace::database::records::LEVELS;
 use trace::picture::{Sides, Tiling};
 use trace::preparation::PreparationError;
+use trace::scene::Warning;
 use trace::tracer::RayKind;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::census::Census;
@@ -67,11 +68,17 @@ pub const STEPS: u32 = 3;
 
 impl Sweep {
     /// Traces the topology's scene once, and replays it through every combination; what `grid` does not say is as in
-    /// the topology. With `timings` nodes share their buses, in cycles of the topology's costs.
+    /// the topology. `warn` gets the warnings about the scene, of which there may be none. With `timings` nodes share their buses, in cycles of the topology's costs.
     ///
     /// # Errors
     /// The scene cannot be read or is too large, there is no room for its references, or a combination cannot be.
-    pub fn study(topology: &Topology, grid: &Grid, timings: bool, tell: impl Fn(&str)) -> Result<Self, SweepError> {
+    pub fn study(
+        topology: &Topology,
+        grid: &Grid,
+        timings: bool,
+        tell: impl Fn(&str),
+        warn: impl Fn(&[Warning]),
+    ) -> Result<Self, SweepError> {
         let base =
             Setting { assignment: assignment(topology), ..Setting::recorded(&topology.cluster, topology.run.order) };
         let settings = grid.settings(base).map_err(SweepError::Grid)?;
@@ -80,6 +87,7 @@ impl Sweep {
         }
         tell(&format!("{}: tracing", topology.scene));
         let prepared = topology.prepare()?;
+        warn(&prepared.warnings);
         let image = prepared.view.image;
         let tiling = topology.image.tiling(image.width(), image.height()).map_err(SweepError::Grid)?;
         let run = Run {
@@ -248,7 +256,7 @@ mod tests {
         let topology = topology(&[&SMALL[..], &["run.assignment=interleaved"]].concat());
         let grid =
             Grid { local_memory: vec![share(8), share(2)], line: vec![16, 64], nodes: vec![1, 3], ..Grid::default() };
-        let sweep = Sweep::study(&topology, &grid, true, |_| ()).unwrap_or_else(|error| panic!("{error}"));
+        let sweep = Sweep::study(&topology, &grid, true, |_| (), |_| ()).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!((sweep.rows.len(), sweep.traffic.len()), (8, 4));
         for row in &sweep.rows {
             let of = |t: &&Traffic| (t.conditions.line_bytes, t.nodes) == (row.setting.line, row.setting.nodes);
@@ -268,7 +276,7 @@ mod tests {
     #[test]
     fn nothing_is_recorded() {
         let grid = Grid { assignment: vec![Assignment::Recorded], ..Grid::default() };
-        let error = Sweep::study(&topology(&SMALL), &grid, false, |_| ()).expect_err("nothing is recorded");
+        let error = Sweep::study(&topology(&SMALL), &grid, false, |_| (), |_| ()).expect_err("nothing is recorded");
         assert_eq!(error.to_string(), "nothing is recorded: expected interleaved or on-demand");
     }
 }

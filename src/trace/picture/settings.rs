@@ -50,7 +50,7 @@ impl ImageSettings {
     pub const DEPTH_MAX: u32 = 64;
     pub const DEPTH_DEFAULT: u32 = 4;
 
-    /// Settings of an image of `width` times `height` pixels, with [`Self::depth`] and [`Self::cutoff`].
+    /// Settings of an image of `width` times `height` pixels, with [`Self::depth`] and [`Self::cutoff`], and a hard terminator.
     ///
     /// # Errors
     /// A side is not 1 to 65,536, the depth is above 64, or the cutoff is not 0 to 1.
@@ -68,7 +68,7 @@ impl ImageSettings {
         Ok(Self { width, height, depth, cutoff, terminator: Terminator::Hard })
     }
 
-    /// The same with another terminator; [`Self::new`] has a hard one.
+    #[must_use]
     pub const fn with_terminator(self, terminator: Terminator) -> Self {
         Self { terminator, ..self }
     }
@@ -93,7 +93,7 @@ impl ImageSettings {
         self.cutoff
     }
 
-    /// Where rays to lights leave from smooth triangles.
+    /// Where smooth surfaces turn away from a light.
     pub const fn terminator(&self) -> Terminator {
         self.terminator
     }
@@ -118,7 +118,7 @@ mod tests {
         ] {
             let error = ImageSettings::new(width, height, depth, cutoff).expect_err(expected);
             assert_eq!(error.to_string(), expected);
-            let wire = encode_to_vec((width, height, depth, cutoff, Terminator::Soft), standard()).expect("numbers");
+            let wire = encode_to_vec((width, height, depth, cutoff, Terminator::Hard), standard()).expect("numbers");
             let error = decode_from_slice::<ImageSettings, _>(&wire, standard()).expect_err(expected).to_string();
             assert!(error.contains(expected), "{error}");
         }
@@ -126,12 +126,11 @@ mod tests {
 
     #[test]
     fn settings_are_written_as_their_numbers_and_read_back() {
-        let settings = ImageSettings::new(65_536, 1, 64, 1.0).expect("the most").with_terminator(Terminator::Soft);
-        let wire = encode_to_vec(settings, standard()).expect("numbers");
-        assert_eq!(
-            wire,
-            encode_to_vec((65_536u32, 1u32, 64u32, 1.0f32, Terminator::Soft), standard()).expect("numbers")
-        );
-        assert_eq!(decode_from_slice(&wire, standard()).expect("its own"), (settings, wire.len()));
+        let hard = ImageSettings::new(65_536, 1, 64, 1.0).expect("the most");
+        for (settings, variant) in [(hard, 0u32), (hard.with_terminator(Terminator::Soft), 1)] {
+            let wire = encode_to_vec(settings, standard()).expect("numbers");
+            assert_eq!(wire, encode_to_vec((65_536u32, 1u32, 64u32, 1.0f32, variant), standard()).expect("numbers"));
+            assert_eq!(decode_from_slice(&wire, standard()).expect("its own"), (settings, wire.len()));
+        }
     }
 }

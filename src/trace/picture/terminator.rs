@@ -1,11 +1,13 @@
 //! Where a smooth surface turns away from a light.
 
 use std::fmt;
+use std::str::FromStr;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where the rays to lights leave from smooth triangles, which are flat while their shading is round.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Terminator {
     /// From the triangle itself: coarse meshes have black steps, a triangle wide, where they turn from a light.
@@ -29,5 +31,14 @@ impl Terminator {
 impl fmt::Display for Terminator {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+/// For command lines.
+impl FromStr for Terminator {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL.into_iter().find(|one| one.name() == text).ok_or("expected hard or soft")
     }
 }

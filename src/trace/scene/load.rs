@@ -21,7 +21,7 @@ pub fn load(path: &Path) -> Result<Scene, SourceError> {
 mod tests {
     use super::*;
     use crate::database::ear_clipping::triangulate;
-    use crate::scene::Camera;
+    use crate::scene::{Camera, UpAxis};
 
     #[test]
     fn the_scenes_that_come_along_are_valid() {
@@ -34,7 +34,7 @@ mod tests {
             assert!(!ears.iter().any(|ear| ear.is_forced), "{name} has a polygon that crosses itself");
             let counts = (scene.polygons.len(), scene.spheres.len(), scene.cones.len(), ears.len(), scene.lights.len());
             assert_eq!(counts, expected, "{name}");
-            let camera = scene.camera.unwrap_or_else(|| Camera::framing(scene.bounds()));
+            let camera = scene.camera.unwrap_or_else(|| Camera::framing(scene.bounds(), UpAxis::Y, 1.0));
             assert_eq!(camera.check(), Ok(()));
         }
     }

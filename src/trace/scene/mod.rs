@@ -10,6 +10,7 @@ pub mod procedural;
 mod scene_source;
 pub mod source;
 pub mod source_error;
+mod up_axis;
 pub mod warning;
 
 use std::path::PathBuf;
@@ -23,12 +24,13 @@ pub use load::load;
 pub use placement::Placement;
 pub use scene_source::SceneSource;
 pub use source_error::SourceError;
+pub use up_axis::UpAxis;
 pub use warning::{Warning, Warnings};
 
 /// What a scene file holds. Every number is finite; every index is in range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// `None` when the file has none (OBJ): the topology file gives one, or the framing default.
+    /// `None` when the file has none (OBJ).
     pub camera: Option<Camera>,
     /// Linear RGB where a ray hits nothing.
     pub background: DVec3,

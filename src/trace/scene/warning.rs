@@ -12,9 +12,12 @@ use super::SourceError;
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Warning {
     /// `None` for what is about the scene as a whole.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
     pub file: Option<PathBuf>,
     /// Of the first of its kind, from 1; `None` when it is about the file as a whole.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
     pub line: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none", default)]
     pub column: Option<u32>,
     /// What programs tell warnings apart by: lower case words and hyphens.
     pub kind: String,

@@ -8,8 +8,8 @@ use super::state::State;
 use crate::protocol::control::Packets;
 use crate::report::conservation::{Books, Check, ClusterBook, Conservation, NodeBook};
 use crate::report::{
-    Bus, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status, Tests,
-    Tiles,
+    Bus, Camera, Image, Kernel, Memory, Node, NodeMemory, Octree, Rays, Report, SCHEMA_VERSION, Scene, Seconds, Status,
+    Tests, Tiles,
 };
 use crate::topology::Topology;
 use ground::ids::NodeId;
@@ -18,11 +18,14 @@ use machine::hardware::specification::MemorySize;
 use machine::hardware::stats::MemoryStats;
 use trace::database::Layout;
 use trace::preparation::Prepared;
+use trace::scene::Warning;
 use trace::tracer::octree::census::Census;
 
 /// What is known of a run before it begins.
 pub(super) struct Facts {
     scene: Scene,
+    camera: Camera,
+    warnings: Vec<Warning>,
     /// Without accesses.
     octree: Octree,
     load: Duration,
@@ -32,13 +35,10 @@ pub(super) struct Facts {
 
 impl Facts {
     pub(super) fn new(topology: &Topology, prepared: &Prepared, local_bytes: u64) -> Self {
-        let header = &prepared.database.database().header;
         Self {
-            scene: Scene {
-                source: topology.scene.to_string(),
-                primitives: header.scene_primitives,
-                database_bytes: header.layout.database_bytes(),
-            },
+            scene: Scene::new(topology.scene.to_string(), prepared),
+            camera: prepared.into(),
+            warnings: prepared.warnings.clone(),
             octree: Octree::new(&Census::of(&prepared.database)),
             load: prepared.load,
             build: prepared.build,
@@ -79,6 +79,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         status,
         error,
         scene: facts.scene,
+        camera: Some(facts.camera),
         image: Image {
             width: image.width(),
             height: image.height(),
@@ -119,6 +120,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         verification: (!state.display.shares.is_empty())
             .then(|| state.tiles.verification.report(&state.display.shares, state.supervision.plan.id)),
         incidents: state.supervision.incidents.all(),
+        warnings: facts.warnings,
         chaos: None,
         seconds: Seconds {
             load: facts.load.as_secs_f64(),

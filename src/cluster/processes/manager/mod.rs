@@ -38,7 +38,7 @@ pub use self::launch::executables::MissingExecutable;
 use self::plan::Plan;
 use super::event_queue::event_queue;
 use super::health::HealthError;
-use super::token;
+use super::{scene_warnings, token};
 use crate::chaos;
 use crate::journal::{Journal, JournalError, Subject};
 use crate::keys::{Identity, KeysError, RoleKind};
@@ -64,6 +64,8 @@ pub struct RunRequest {
     pub resume: bool,
     /// Whether the folder may hold what no run wrote.
     pub force: bool,
+    /// Whether a scene with warnings is refused.
+    pub strict: bool,
     pub aov: AovSet,
     pub exr: bool,
     /// Whether nodes record every reference, for replay.
@@ -106,6 +108,8 @@ pub struct RunOutcome {
 pub enum RunError {
     #[error(transparent)]
     Preparation(#[from] PreparationError),
+    #[error("the scene has warnings, which --strict makes errors")]
+    Warnings,
     #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
     NothingToRecord,
     #[error(
@@ -147,6 +151,7 @@ impl RunError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Preparation(_)
+            | Self::Warnings
             | Self::NothingToRecord
             | Self::NoSharedFiles { .. }
             | Self::NoKeys { .. }
@@ -212,6 +217,10 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let opening = if request.resume { Opening::Resume } else { Opening::Anew { force: request.force } };
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = topology.prepare()?;
+    scene_warnings::show(&prepared.warnings);
+    if request.strict && !prepared.warnings.is_empty() {
+        return Err(RunError::Warnings);
+    }
     let database = prepared.database.database();
     let image = prepared.view.image;
     let tiling = topology.image.tiling(image.width(), image.height()).map_err(RunError::Tiling)?;

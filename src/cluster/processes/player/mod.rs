@@ -27,7 +27,7 @@ pub use self::outcome::PlayOutcome;
 use self::schedule::Schedule;
 use super::event_queue::event_queue;
 use super::loader::Loader;
-use super::token;
+use super::{scene_warnings, token};
 use crate::protocol::connection::{ConnectionError, Credentials};
 use crate::protocol::hello::Role;
 use crate::topology::Topology;
@@ -115,6 +115,7 @@ pub fn play(request: &PlayRequest) -> Result<PlayOutcome, PlayError> {
     let topology = Topology::read(&request.recording.join("topology.toml"), &[])?;
     let log = open(request)?;
     let prepared = topology.prepare()?;
+    scene_warnings::show(&prepared.warnings);
     let database = prepared.database.database();
     let image = database.bytes();
     check_layout(&log.metadata().layout, &database.header.layout)?;

@@ -76,8 +76,8 @@ pub(crate) mod tests {
         let source = "teapot".parse().expect("a procedural scene");
         let octree = trace::tracer::octree::Octree::DEFAULT;
         let image = ImageSettings::new(side, side, 4, 0.01).expect("possible");
-        let prepared =
-            preparation::prepare(&source, octree, &preparation::Fallback::default(), |_| Ok(image)).expect("a scene");
+        let prepared = preparation::prepare(&source, octree, &preparation::ViewChoices::default(), |_| Ok(image))
+            .expect("a scene");
         let tiling = Tiling::new(Sides { width: side, height: side, tile_width: 8, tile_height: 8 }).expect("possible");
         let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, nodes);
         (prepared.database, captured)

@@ -15,7 +15,7 @@ use self::origins::HeatMap;
 use self::to_bus::ToBus;
 use super::grid_options::{GridOptions, SETTINGS};
 use super::table::{Format, Table};
-use super::{Failure, print};
+use super::{Failure, output_path, print};
 use cluster::topology::recorded::open_references;
 use ground::outlet;
 use ground::progress::Parts;
@@ -84,6 +84,7 @@ struct Question {
 }
 
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    arguments.output.iter().try_for_each(|file| output_path::check(file))?;
     if arguments.to_bus.is_asked() {
         return arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format);
     }

@@ -28,7 +28,7 @@ use machine::hardware::specification::{Bus, MemorySize, Processor};
 use machine::replay::parallel;
 use machine::tile_order::TileOrder;
 use trace::picture::{ImageSettings, Sides, Tiling};
-use trace::preparation::{self, Fallback, PreparationError, Prepared};
+use trace::preparation::{self, PreparationError, Prepared, ViewChoices};
 use trace::scene::SceneSource;
 use trace::scene::procedural::{Kind, Procedural};
 use trace::tracer::octree::Octree;
@@ -198,7 +198,7 @@ impl Paper {
 
     fn prepare(&self, scene: &PaperScene, octree: Octree) -> Result<Prepared, PreparationError> {
         let Sides { width, height, .. } = self.tiling.sides();
-        preparation::prepare(&scene.source(), octree, &Fallback::default(), |_| {
+        preparation::prepare(&scene.source(), octree, &ViewChoices::default(), |_| {
             ImageSettings::new(width, height, self.depth, 0.0).map_err(|error| error.to_string())
         })
     }

@@ -6,7 +6,7 @@ use machine::replay::Captured;
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
 use machine::tile_order::TileOrder;
 use trace::picture::{ImageSettings, Sides, Tiling};
-use trace::preparation::{self, Fallback, Prepared};
+use trace::preparation::{self, Prepared, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
@@ -17,7 +17,7 @@ pub(in crate::study) fn gears() -> (Prepared, Traced<Captured>) {
     let source: SceneSource = "gears:1".parse().expect("a procedural scene");
     let octree = Octree { leaf_size: 8, max_depth: 6, mailbox: true };
     let image = ImageSettings::new(TILING.sides().width, TILING.sides().height, 2, 0.0).expect("possible");
-    let prepared = preparation::prepare(&source, octree, &Fallback::default(), |_| Ok(image)).expect("a scene");
+    let prepared = preparation::prepare(&source, octree, &ViewChoices::default(), |_| Ok(image)).expect("a scene");
     let captured = Captured::capture(&prepared.database, &prepared.view, TILING, octree.mailbox, 1);
     let run = Run {
         scene: source.to_string(),
