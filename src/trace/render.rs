@@ -107,7 +107,9 @@ impl<'a> Renderer<'a> {
     /// As [`render`]'s.
     pub fn render(&self, view: &View) -> Result<Rendering, RenderError> {
         let kernel = Kernel::Packets(&self.bvh, Simd::best());
-        render(self.database, view, Settings { threads: self.threads, aov: self.aov, kernel }, |_| ControlFlow::Continue(()))
+        render(self.database, view, Settings { threads: self.threads, aov: self.aov, kernel }, |_| {
+            ControlFlow::Continue(())
+        })
     }
 }
 

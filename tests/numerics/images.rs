@@ -26,7 +26,8 @@ pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
     let kernels = Simd::available().map(|simd| Kernel::Packets(&bvh, simd));
     let mut images = kernels.chain([Kernel::Single { mailbox: true }]).map(|kernel| {
         let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
-        let rendering = render(&database, &view, settings, |_| std::ops::ControlFlow::Continue(())).expect("a small image");
+        let rendering =
+            render(&database, &view, settings, |_| std::ops::ControlFlow::Continue(())).expect("a small image");
         (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels, rendering.stats.rays)
     });
     let first = images.next().expect("scalar code is always there");

@@ -156,7 +156,8 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     };
     let settings = Settings { threads: arguments.threads(), aov, kernel };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
-    let interruption = Interruption::watch().map_err(|error| Failure::failed(format!("cannot heed signals: {error}")))?;
+    let interruption =
+        Interruption::watch().map_err(|error| Failure::failed(format!("cannot heed signals: {error}")))?;
     let mut complete = None;
     let rendering = loop {
         let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));

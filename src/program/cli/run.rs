@@ -108,7 +108,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
     let idle = topology.without_effect_live();
     if !idle.is_empty() && !arguments.quiet {
-        outlet::say(format_args!("note: {} change nothing of a live run, only of replays and studies", idle.join(", ")));
+        outlet::say(format_args!(
+            "note: {} change nothing of a live run, only of replays and studies",
+            idle.join(", ")
+        ));
     }
     let outcome = manager::run(RunRequest {
         out,
