@@ -97,10 +97,7 @@ fn mistakes_are_told_with_their_place() {
         (b"# only a comment\n", "2:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
         (b"x 1", "1:1: \"x\", expected v, b, l, f, s, c, p, pp or #"),
         (b"s 0 0 0 1 2", "1:11: \"2\", expected v, b, l, f, s, c, p, pp or #"),
-        (
-            b"\x7fELF\x02\x01\x01\0\0",
-            "1:1: \"\\x7fELF\\x02\\x01\\x01\", expected v, b, l, f, s, c, p, pp or #",
-        ),
+        (b"\x7fELF\x02\x01\x01\0\0", "1:1: \"\\x7fELF\\x02\\x01\\x01\", expected v, b, l, f, s, c, p, pp or #"),
         (b"s 0 0 \xff\xfe 1", "1:7: \"\\xff\\xfe\" is not a number, expected a coordinate from -1e30 to 1e30"),
         (b"s 0 0 \0 1", "1:7: \"\\x00\" is not a number, expected a coordinate from -1e30 to 1e30"),
         (b"s 0 0 0", "1:8: the file ends here, expected a radius from -1e30 to 1e30"),
