@@ -8,7 +8,7 @@ use crate::database::compile::compile;
 use crate::database::verify::Verified;
 use crate::picture::ImageSettings;
 use crate::scene::SceneSource;
-use crate::scene::{Camera, Light, Scene, SourceError};
+use crate::scene::{Camera, Light, Scene, SourceError, Warning};
 use crate::tracer::View;
 use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildError, complete};
@@ -18,6 +18,8 @@ use crate::tracer::octree::{BuildError, complete};
 pub struct Prepared {
     pub database: Verified,
     pub view: View,
+    /// What of the scene was repaired or left out.
+    pub warnings: Vec<Warning>,
     /// Reading the scene.
     pub load: Duration,
     /// Compiling it and building its octree.
@@ -45,16 +47,19 @@ pub enum PreparationError {
     Build { scene: String, error: BuildError },
 }
 
-/// Builds the database of a scene; `source` names it in errors.
+/// Builds the database of a scene, and lists what of it was repaired or left out; `source` names it in errors.
 ///
 /// # Errors
 /// It is larger than can be addressed.
-pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<Verified, PreparationError> {
-    let records = compile(&scene);
+pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<(Verified, Vec<Warning>), PreparationError> {
+    let failure = |error| PreparationError::Build { scene: source.to_string(), error };
+    let mut records = compile(&scene).map_err(|error| failure(error.into()))?;
+    let mut warnings = scene.warnings.all().to_vec();
+    warnings.append(&mut records.warnings);
     // A large one is larger than its records.
     drop(scene);
-    let database = records.map_err(BuildError::from).and_then(|records| complete(records, octree.into()));
-    database.map_err(|error| PreparationError::Build { scene: source.to_string(), error })
+    let database = complete(records, octree.into()).map_err(failure)?;
+    Ok((database, warnings))
 }
 
 /// Prepares a scene; `image` chooses the image settings once the camera, and with it the file's own resolution,
@@ -73,8 +78,8 @@ pub fn prepare(
     let load = start.elapsed();
     let view = view(&scene, fallback, image).map_err(PreparationError::Image)?;
     let start = Instant::now();
-    let database = build(source, scene, octree)?;
-    Ok(Prepared { database, view, load, build: start.elapsed() })
+    let (database, warnings) = build(source, scene, octree)?;
+    Ok(Prepared { database, view, warnings, load, build: start.elapsed() })
 }
 
 /// The scene's own camera, lights and background; else the fallback's; else what shows all of it.

@@ -29,7 +29,7 @@ pub struct InspectArguments {
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     let octree = arguments.octree.octree(Octree::DEFAULT.mailbox);
     let scene = arguments.scene.load()?;
-    let database = preparation::build(&arguments.scene, scene, octree)?;
+    let (database, _) = preparation::build(&arguments.scene, scene, octree)?;
     let inspection = Inspection::of(arguments.scene.to_string(), &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;

@@ -68,7 +68,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| ImageSettings::new(1000, 1000, 0, 0.0).map_err(|error| error.to_string());
     let view = preparation::view(&scene, &Fallback::default(), image).map_err(Failure::bad_input)?;
-    let database = preparation::build(source, scene, octree)?;
+    let (database, _) = preparation::build(source, scene, octree)?;
     let verification = oracle::verify(&database, &view, arguments.rays, arguments.seed);
     let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {
