@@ -24,7 +24,7 @@ use outline::Outline;
 /// Work that a polygon may take, in looks at a vertex or at a group of them: some seconds, or where it is very large,
 /// some milliseconds per hundred vertices.
 fn steps_max(count: usize) -> u64 {
-    (1 << 28).max((count as u64) << 11)
+    (1 << 27).max((count as u64) << 11)
 }
 
 /// A triangle of a polygon.
@@ -100,9 +100,9 @@ impl Work {
             let fan = (0..count - 3).map(|i| [count - 1, i, i + 1]);
             (fan.chain([[count - 3, count - 2, count - 1]]).map(ear).collect(), false)
         } else {
-            let is_once_around = winding::is_once_around(&outline, &mut self.sweep);
+            let is_once_around = winding::is_once_around(&outline, steps_max, &mut self.sweep);
             let mut clipping = Clipping::new(&outline);
-            let is_done = clipping.run(steps_max);
+            let is_done = self.sweep <= steps_max && clipping.run(steps_max);
             self.clipping = clipping.steps;
             if !is_done {
                 return Cut { ears: Vec::new(), flaw: Some(Flaw::TooIntricate) };

@@ -244,8 +244,13 @@ fn a_polygon_that_would_take_too_long_is_left_out() {
             [cos * (1.0 + f64::from(i % 7)), sin * (1.0 + f64::from(i % 5))]
         })
         .collect();
-    let cut = Work::default().triangulate(&flat(&star), 1 << 20);
-    assert_eq!(cut, Cut { ears: Vec::new(), flaw: Some(Flaw::TooIntricate) });
+    // Back and forth over one line, so that at every vertex thousands of edges touch.
+    let mut random = Random::new(1);
+    let line: Vec<Point> = (0..20_000).map(|_| [random.below(1 << 20) as f64; 2]).collect();
+    for points in [star, line] {
+        let cut = Work::default().triangulate(&flat(&points), 1 << 20);
+        assert_eq!(cut, Cut { ears: Vec::new(), flaw: Some(Flaw::TooIntricate) });
+    }
 }
 
 #[test]
@@ -304,7 +309,7 @@ proptest! {
     ) {
         let points: Vec<Point> = points.iter().map(|&(x, y)| [x.into(), y.into()]).collect();
         let is_once_around = is_once_around_by_definition(&points);
-        prop_assert_eq!(winding::is_once_around(&Outline::new(&flat(&points)), &mut 0), is_once_around);
+        prop_assert_eq!(winding::is_once_around(&Outline::new(&flat(&points)), u64::MAX, &mut 0), is_once_around);
         let has_triangles = exhaustive::triangles(&Outline::new(&flat(&points))).is_some_and(|(_, forced)| !forced);
         if is_once_around && has_triangles {
             let normal = area(&flat(&points));
@@ -485,7 +490,7 @@ fn large_polygons_are_cut_in_little_more_than_linear_time() {
             let (sum, sizes) = (areas.iter().sum::<f64>(), areas.iter().map(|area| area.abs()).sum::<f64>());
             assert!((sum - sizes).abs() <= 1e-12 * sizes, "{name} of {n}: clockwise triangles");
             let unit = points.len() as f64 * (points.len() as f64).log2();
-            assert!((work.sweep as f64) < 4.0 * unit, "{name} of {n}: {} steps to sweep", work.sweep);
+            assert!((work.sweep as f64) < 8.0 * unit, "{name} of {n}: {} steps to sweep", work.sweep);
             assert!((work.clipping as f64) < 40.0 * unit, "{name} of {n}: {} steps to clip", work.clipping);
         }
     }

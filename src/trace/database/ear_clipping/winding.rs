@@ -8,10 +8,14 @@ use std::cmp::Ordering;
 use super::outline::{Outline, Point, compare, turn};
 use super::sequence::Sequence;
 
-/// Whether no two edges cross, and all winding numbers are 0 or 1. `steps` counts the edges looked at. Each is
-/// looked at some times at each end, and where others touch it.
-pub(super) fn is_once_around(outline: &Outline, steps: &mut u64) -> bool {
-    Sweep::new(outline).run(steps)
+/// What it costs to find an edge's place among others at the same point, in steps: exact signs that are close to
+/// zero take long.
+const TOUCH_STEPS: u64 = 8;
+
+/// Whether no two edges cross, and all winding numbers are 0 or 1; false when it takes more than `steps_max`.
+/// `steps` counts the edges looked at: some for each end of an edge, and those that touch one another there.
+pub(super) fn is_once_around(outline: &Outline, steps_max: u64, steps: &mut u64) -> bool {
+    Sweep::new(outline).run(steps_max, steps)
 }
 
 struct Sweep<'a> {
@@ -41,7 +45,7 @@ impl<'a> Sweep<'a> {
         Self { rises: rises.collect(), above: vec![0; n], line: Sequence::new(n), outline, edges }
     }
 
-    fn run(mut self, steps: &mut u64) -> bool {
+    fn run(mut self, steps_max: u64, steps: &mut u64) -> bool {
         let n = self.outline.count();
         let mut vertices: Vec<u32> = (0..n).collect();
         let point = |&vertex: &u32| self.outline.point(vertex);
@@ -62,7 +66,7 @@ impl<'a> Sweep<'a> {
                     (true, true) => {}
                 }
             }
-            if !self.pass(at, ending, &mut starting, steps) {
+            if !self.pass(at, ending, &mut starting, steps) || *steps > steps_max {
                 return false;
             }
         }
@@ -81,7 +85,7 @@ impl<'a> Sweep<'a> {
             true => ended += 1,
             false => starting.push(edge),
         });
-        *steps += (starting.len() + ended) as u64;
+        *steps += TOUCH_STEPS * (starting.len() + ended) as u64;
         // From here on, all go to the right.
         let turn_from_here = |e: u32, f: u32| turn(at, edges[e as usize].1, edges[f as usize].1);
         // Two that go on are on one another, or they cross here.
