@@ -39,7 +39,7 @@ impl Area {
         // A rounded area may be 12 errors of the outline's size too large, so that a point seems to be within
         // all edges though it is this far outside of the triangle.
         let [first, second, third] = triangle;
-        let slack = 12.0 * ERROR * extent * extent * extent / outline.area(first, second, third);
+        let slack = 12.0 * ERROR * extent * extent * extent / outline.area(first, second, third).abs();
         let mut bounds = around(corners.iter());
         for axis in 0..2 {
             bounds[0][axis] -= slack;
