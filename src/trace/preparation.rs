@@ -30,7 +30,7 @@ pub struct Prepared {
     pub has_camera: bool,
     /// What of the camera was chosen, in the order of [`CameraPart::ALL`].
     pub chosen: Vec<CameraPart>,
-    /// Those of the scene first, then those of its view.
+    /// Those of the scene first, then those of its polygons, then those of its view.
     pub warnings: Vec<Warning>,
     /// Reading the scene.
     pub load: Duration,
@@ -49,16 +49,19 @@ pub enum PreparationError {
     Build { scene: String, error: BuildError },
 }
 
-/// Builds the database of a scene; `source` names it in errors.
+/// Builds the database of a scene, and lists what of it was repaired or left out; `source` names it in errors.
 ///
 /// # Errors
 /// It is larger than can be addressed.
-pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<Verified, PreparationError> {
-    let records = compile(&scene);
+pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<(Verified, Vec<Warning>), PreparationError> {
+    let failure = |error| PreparationError::Build { scene: source.to_string(), error };
+    let mut records = compile(&scene).map_err(|error| failure(error.into()))?;
+    let mut warnings = scene.warnings.all().to_vec();
+    warnings.append(&mut records.warnings);
     // A large one is larger than its records.
     drop(scene);
-    let database = records.map_err(BuildError::from).and_then(|records| complete(records, octree.into()));
-    database.map_err(|error| PreparationError::Build { scene: source.to_string(), error })
+    let database = complete(records, octree.into()).map_err(failure)?;
+    Ok((database, warnings))
 }
 
 /// Prepares a scene; `image` chooses the image settings once the scene's own are known.
@@ -76,9 +79,8 @@ pub fn prepare(
     let load = start.elapsed();
     let ChosenView { view, bounds, has_camera, chosen, warnings: of_view } =
         choose(&scene, choices, image).map_err(PreparationError::View)?;
-    let mut warnings = scene.warnings.all().to_vec();
     let start = Instant::now();
-    let database = build(source, scene, octree)?;
+    let (database, mut warnings) = build(source, scene, octree)?;
     let build = start.elapsed();
     let may_be_seen = visibility::of_bounds(bounds, &view).is_none();
     warnings.extend(of_view.into_iter().chain(may_be_seen.then(|| visibility::of_light(&database, &view)).flatten()));

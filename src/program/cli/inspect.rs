@@ -37,8 +37,8 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
         ImageSettings::new(width, height, 0, 0.0).map_err(|error| error.to_string())
     };
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
-    scene_warnings::show(scene.warnings.all().iter().chain(&chosen.warnings));
-    let database = preparation::build(&arguments.scene, scene, octree)?;
+    let (database, warnings) = preparation::build(&arguments.scene, scene, octree)?;
+    scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     let inspection = Inspection::of(arguments.scene.to_string(), &chosen, &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;

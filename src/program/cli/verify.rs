@@ -69,8 +69,8 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octre
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| ImageSettings::new(1000, 1000, 0, 0.0).map_err(|error| error.to_string());
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
-    scene_warnings::show(scene.warnings.all().iter().chain(&chosen.warnings));
-    let database = preparation::build(source, scene, octree)?;
+    let (database, warnings) = preparation::build(source, scene, octree)?;
+    scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     let verification = oracle::verify(&database, &chosen.view, arguments.rays, arguments.seed);
     let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };
     if arguments.json {

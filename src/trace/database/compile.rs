@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use super::ear_clipping::{self, Ear};
+use super::ear_clipping::{Cut, Ear, Flaw, has_area, triangulate};
 use super::layout::{DATABASE_BYTES_MAX, GRANULE_BYTES, TooLarge};
 use super::normalisation::Normalisation;
 use super::primitives::Primitives;
 use super::records::{Cone, LightTerms, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
 use super::{Database, Header, Layout, Section};
-use crate::scene::{Polygon, Scene};
+use crate::scene::{Polygon, Scene, Warning};
 
 /// All sections of a database but those of the octree.
 #[derive(Clone, Debug)]
@@ -23,6 +23,8 @@ pub struct Records {
     pub materials: Vec<Material>,
     /// Whether a material lets a light's rays pass.
     pub has_sheets: bool,
+    /// About polygons that are not shown as they are written, one of each kind.
+    pub warnings: Vec<Warning>,
 }
 
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -31,14 +33,12 @@ pub enum CompileError {
     TooLarge(#[from] TooLarge),
     #[error("the scene has {0} polygons, at most {max} can be told apart", max = Triangle::POLYGONS_MAX)]
     TooManyPolygons(usize),
-    #[error("polygon {polygon} (from 0) cannot be cut into triangles: {why}")]
-    Polygon { polygon: usize, why: String },
 }
 
 /// Compiles everything that does not depend on the octree.
 ///
 /// # Errors
-/// The scene has more polygons than a tag can hold, or one that is too involved to be cut.
+/// The scene has more polygons than a tag can hold, or is larger than can be addressed.
 pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
     if scene.polygons.len() >= Triangle::POLYGONS_MAX as usize {
         return Err(CompileError::TooManyPolygons(scene.polygons.len()));
@@ -57,9 +57,12 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
         normals: Vec::with_capacity(records(Section::Normals)),
         materials,
         has_sheets: scene.materials.iter().any(|material| material.shadow_transmittance > 0.0),
+        warnings: Vec::new(),
     };
     for (id, polygon) in scene.polygons.iter().enumerate() {
-        records.add_polygon(scene, id, polygon, material_at[polygon.material as usize])?;
+        if let Some(flaw) = records.add_polygon(scene, polygon, id, material_at[polygon.material as usize]) {
+            records.warn(scene, id, flaw);
+        }
     }
     for sphere in &scene.spheres {
         records.spheres.push(Sphere {
@@ -97,16 +100,17 @@ fn least_layout(scene: &Scene) -> Result<Layout, TooLarge> {
 }
 
 impl Records {
-    fn add_polygon(&mut self, scene: &Scene, id: usize, polygon: &Polygon, material: u32) -> Result<(), CompileError> {
-        let first = polygon.first_vertex as usize;
-        let corners = &scene.vertices[first..first + polygon.vertex_count as usize];
-        let cut = match corners.len() {
-            // Most are, and need no memory for it.
-            3 => Vec::new(),
-            _ => ear_clipping::triangulate(corners)
-                .map_err(|error| CompileError::Polygon { polygon: id, why: error.to_string() })?,
+    fn add_polygon(&mut self, scene: &Scene, polygon: &Polygon, id: usize, material: u32) -> Option<Flaw> {
+        let corners = scene.corners(polygon);
+        // Most have three, and need no memory for it.
+        let (cut, whole) = match corners.try_into() {
+            Ok(triangle) => {
+                let flaw = (!has_area(triangle)).then_some(Flaw::WithoutArea);
+                (Cut { ears: Vec::new(), flaw }, &[Ear::WHOLE][..])
+            }
+            Err(_) => (triangulate(corners), &[][..]),
         };
-        for ear in if corners.len() == 3 { &[Ear::WHOLE][..] } else { &cut } {
+        for ear in cut.ears.iter().chain(whole) {
             let corner = |i: usize| f32s(self.normalisation.point(corners[ear.corners[i] as usize]));
             self.triangles.push(Triangle::new([corner(0), corner(1), corner(2)], id as u32, ear.interior_edges));
             let mut push = |vectors: &[DVec3], first: u32| {
@@ -122,7 +126,26 @@ impl Records {
                 (None, None) => Surface::plain(material),
             });
         }
-        Ok(())
+        cut.flaw
+    }
+
+    /// Counts one more polygon with a flaw; the first is named.
+    fn warn(&mut self, scene: &Scene, id: usize, flaw: Flaw) {
+        let (kind, what) = match flaw {
+            Flaw::CrossesItself => ("polygon-crosses-itself", "crosses itself, it is cut as well as can be"),
+            Flaw::WithoutArea => ("polygon-without-area", "has no area, nothing of it is seen"),
+            Flaw::TooIntricate => ("polygon-too-intricate", "takes too long to be cut into triangles, it is left out"),
+        };
+        if let Some(warning) = self.warnings.iter_mut().find(|warning| warning.kind == kind) {
+            warning.count += 1;
+            return;
+        }
+        let line = scene.polygon_lines.binary_search_by_key(&(id as u32), |&(polygon, _)| polygon);
+        let line = line.ok().map(|i| scene.polygon_lines[i].1);
+        let name = if line.is_some() { "a polygon".to_owned() } else { format!("polygon {id} (from 0)") };
+        let text = format!("{name} of {} corners {what}", scene.polygons[id].vertex_count);
+        let warning = Warning::of_scene(kind, text);
+        self.warnings.push(Warning { file: scene.file.clone(), line, column: line.map(|_| 1), ..warning });
     }
 
     /// The primitives, by id.
@@ -234,6 +257,65 @@ fn has_light_terms(material: &crate::scene::Material) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A square, a bow tie, and a triangle and a square on a line, smooth so that nothing may get out of step.
+    fn flawed() -> Scene {
+        let polygons: [&[[f64; 2]]; 5] = [
+            &[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+            &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 2.0]],
+            &[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]],
+            &[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [1.5, 1.5]],
+            &[[0.0, 0.0], [3.0, 0.0], [0.0, 1.0], [2.0, 2.0], [2.0, -1.0]],
+        ];
+        let mut scene = Scene { materials: vec![crate::scene::Material::WHITE], ..Scene::default() };
+        for polygon in polygons {
+            let first = scene.vertices.len() as u32;
+            scene.vertices.extend(polygon.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)));
+            scene.polygons.push(Polygon {
+                first_vertex: first,
+                vertex_count: polygon.len() as u32,
+                first_normal: Some(first),
+                first_colour: None,
+                material: 0,
+            });
+        }
+        scene.normals = vec![DVec3::Z; scene.vertices.len()];
+        scene
+    }
+
+    #[test]
+    fn flawed_polygons_are_cut_and_named_by_their_lines() {
+        let texts = |scene: &Scene| {
+            let records = compile(scene).expect("small");
+            assert_eq!(records.triangles.len(), 2 + 2 + 1 + 2 + 3);
+            assert_eq!((records.surfaces.len(), records.normals.len()), (10, 10));
+            records.warnings.iter().map(Warning::to_string).collect::<Vec<_>>()
+        };
+        let mut scene = flawed();
+        let expected = [
+            "polygon 1 (from 0) of 4 corners crosses itself, it is cut as well as can be (and 1 more)",
+            "polygon 2 (from 0) of 3 corners has no area, nothing of it is seen (and 1 more)",
+        ];
+        assert_eq!(texts(&scene), expected);
+        scene.file = Some("a.obj".into());
+        scene.polygon_lines = vec![(0, 7), (1, 8), (3, 11), (4, 12)];
+        let expected = [
+            "a.obj:8:1: a polygon of 4 corners crosses itself, it is cut as well as can be (and 1 more)",
+            "a.obj: polygon 2 (from 0) of 3 corners has no area, nothing of it is seen (and 1 more)",
+        ];
+        assert_eq!(texts(&scene), expected);
+    }
+
+    #[test]
+    fn the_scenes_that_are_computed_give_no_warning() {
+        use crate::scene::procedural::{Kind, Procedural};
+        for (kind, size) in
+            [(Kind::Gears, 1), (Kind::Teapot, 12), (Kind::Balls, 2), (Kind::Tetra, 4), (Kind::Slivers, 2)]
+        {
+            let scene = Procedural { kind, size }.scene();
+            assert_eq!(compile(&scene).expect("records").warnings, [], "{kind}");
+        }
+    }
 
     #[test]
     fn what_is_too_large_is_told_before_anything_is_made() {

@@ -29,10 +29,10 @@ mod tests {
         // Polygons, spheres, cones, triangles, lights.
         for (name, expected) in [("primitives.nff", (5, 2, 3, 8, 3)), ("house.obj", (23, 0, 0, 58, 0))] {
             let scene = load(&folder.join(name)).expect("valid");
-            let ears = scene.polygons.iter().flat_map(|polygon| triangulate(scene.corners(polygon)).expect("cut"));
-            let ears: Vec<_> = ears.collect();
-            assert!(!ears.iter().any(|ear| ear.is_forced), "{name} has a polygon that crosses itself");
-            let counts = (scene.polygons.len(), scene.spheres.len(), scene.cones.len(), ears.len(), scene.lights.len());
+            let cuts: Vec<_> = scene.polygons.iter().map(|polygon| triangulate(scene.corners(polygon))).collect();
+            assert!(cuts.iter().all(|cut| cut.flaw.is_none()), "{name} has a polygon that crosses itself");
+            let ears = cuts.iter().map(|cut| cut.ears.len()).sum();
+            let counts = (scene.polygons.len(), scene.spheres.len(), scene.cones.len(), ears, scene.lights.len());
             assert_eq!(counts, expected, "{name}");
             let camera = scene.camera.unwrap_or_else(|| Camera::framing(scene.bounds(), UpAxis::Y, 1.0));
             assert_eq!(camera.check(), Ok(()));
