@@ -57,7 +57,8 @@ fn speeds(prepared: &Prepared, bvh: &Bvh8) {
         for (_, kernel, times) in &mut kernels {
             let settings = Settings { threads: 1, aov: AovSet::default(), kernel: *kernel };
             let rendering =
-                render::render(&prepared.database, &prepared.view, settings, |_| {}).expect("a small image");
+                render::render(&prepared.database, &prepared.view, settings, |_| std::ops::ControlFlow::Continue(()))
+                    .expect("a small image");
             times.push(rendering.cpu);
             rays = rendering.stats.all_rays();
         }

@@ -16,7 +16,7 @@ use program::cli::entry::{self, JoinArguments};
 #[command(version)]
 struct Arguments {
     /// Serve a memory with the layout and arbiter of this recording; ends when its loader leaves
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "join")]
     recording: Option<PathBuf>,
     /// Address to listen at, of this host alone; the one it got is printed
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0", requires = "recording")]
@@ -30,7 +30,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     entry::enter(|| {
-        let Arguments { recording, bind, out, join } = Arguments::parse();
+        let Arguments { recording, bind, out, join } = entry::parse::<Arguments>();
         let Some(recording) = recording else { return Ok(join.play("marti-bus", Role::Bus(ClusterId(0)), bus::run)) };
         let served = bus::serve_alone(&bus::Alone { recording, bind, out });
         served.map(|_| ExitCode::SUCCESS).map_err(|error| Failure::failed(error.to_string()))

@@ -16,5 +16,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    entry::enter(|| Ok(Arguments::parse().join.play("marti-display", Role::Display, display::run)))
+    entry::enter(|| Ok(entry::parse::<Arguments>().join.play("marti-display", Role::Display, display::run)))
 }

@@ -17,5 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    entry::enter(|| Ok(Arguments::parse().join.play("marti-master", Role::Master(ClusterId(0)), master::run)))
+    entry::enter(|| Ok(entry::parse::<Arguments>().join.play("marti-master", Role::Master(ClusterId(0)), master::run)))
 }

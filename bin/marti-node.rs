@@ -17,5 +17,5 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    entry::enter(|| Ok(Arguments::parse().join.play("marti-node", Role::Node(NodeId(0)), node::run)))
+    entry::enter(|| Ok(entry::parse::<Arguments>().join.play("marti-node", Role::Node(NodeId(0)), node::run)))
 }

@@ -39,6 +39,7 @@ fuzz_target!(|data: &[u8]| {
         normalisation: Normalisation::new(None),
         max_depth: u32::from(counts[Section::COUNT]),
         scene_primitives: 1,
+        has_sheets: false,
     };
     let mut bytes = data.to_vec();
     bytes.resize(header.layout.database_bytes() as usize, 0);

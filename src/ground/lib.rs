@@ -3,6 +3,7 @@
 pub mod atomic_file;
 pub mod floating_point;
 pub mod ids;
+pub mod interruption;
 pub mod outlet;
 pub mod patient_file;
 pub mod processor_time;

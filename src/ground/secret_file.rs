@@ -47,7 +47,7 @@ pub fn read(path: &Path, bytes_max: u64) -> io::Result<String> {
         }
         Ok(text)
     };
-    read().map_err(|error| named(path, &error.to_string()))
+    read().map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))
 }
 
 /// An error about a file.

@@ -4,6 +4,7 @@
 use std::convert::Infallible;
 use std::io;
 use std::num::NonZero;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::thread;
@@ -48,11 +49,21 @@ pub struct Settings<'a> {
 #[derive(Debug)]
 pub struct Rendering {
     pub frame: FrameBuffer,
+    /// Tiles that are rendered: all, unless it was stopped. The others are black.
+    pub tiles_done: u32,
+    pub tiles: u32,
     pub stats: TraceStats,
     /// Wall clock, from the first tile to the last.
     pub wall: Duration,
     /// Processor time of the tracing threads, summed.
     pub cpu: Duration,
+}
+
+impl Rendering {
+    /// Whether it was not stopped before its end.
+    pub fn is_complete(&self) -> bool {
+        self.tiles_done == self.tiles
+    }
 }
 
 /// Why an image is not rendered.
@@ -96,11 +107,14 @@ impl<'a> Renderer<'a> {
     /// As [`render`]'s.
     pub fn render(&self, view: &View) -> Result<Rendering, RenderError> {
         let kernel = Kernel::Packets(&self.bvh, Simd::best());
-        render(self.database, view, Settings { threads: self.threads, aov: self.aov, kernel }, |_| ())
+        render(self.database, view, Settings { threads: self.threads, aov: self.aov, kernel }, |_| {
+            ControlFlow::Continue(())
+        })
     }
 }
 
-/// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
+/// Renders `view` of a database. `on_tile` gets how far it is, from any thread, and may stop it: tiles that were begun are
+/// finished then.
 ///
 /// # Errors
 /// There is no memory for the image, or the system has no thread left.
@@ -108,7 +122,7 @@ pub fn render(
     database: &Verified,
     view: &View,
     settings: Settings<'_>,
-    on_tile: impl Fn(&Status) + Sync,
+    on_tile: impl Fn(&Status) -> ControlFlow<()> + Sync,
 ) -> Result<Rendering, RenderError> {
     let image = &view.image;
     let tiling = tiling(image);
@@ -130,12 +144,15 @@ pub fn render(
                 Err(_) if finished.len() == KEPT => put(lock(&frame), &mut finished),
                 Err(_) => {}
             }
-            on_tile(&Status {
+            let go_on = on_tile(&Status {
                 tiles_done: done.fetch_add(1, Ordering::Relaxed) + 1,
                 tiles: tiling.tile_count(),
                 rays: rays.load(Ordering::Relaxed),
                 elapsed: Some(start.elapsed()),
             });
+            if go_on.is_break() {
+                next.store(tiling.tile_count(), Ordering::Relaxed);
+            }
         }
         put(lock(&frame), &mut finished);
         (stats, processor_time::of_this_thread().saturating_sub(cpu_at_start))
@@ -163,7 +180,8 @@ pub fn render(
         return Err(RenderError::Thread { threads: settings.threads, error });
     }
     let wall = start.elapsed();
-    Ok(Rendering { frame: frame.into_inner().expect("no thread panicked"), stats, wall, cpu })
+    let frame = frame.into_inner().expect("no thread panicked");
+    Ok(Rendering { frame, tiles_done: done.into_inner(), tiles: tiling.tile_count(), stats, wall, cpu })
 }
 
 fn lock(frame: &Mutex<FrameBuffer>) -> MutexGuard<'_, FrameBuffer> {

@@ -5,6 +5,7 @@ mod chaos;
 mod command;
 mod command_line;
 mod damaged_recordings;
+mod effect;
 mod examples;
 mod exports;
 mod faults;

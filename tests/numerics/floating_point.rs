@@ -63,6 +63,7 @@ fn subnormal_numbers_are_part_of_the_image() {
 
 fn render(prepared: &Prepared, kernel: Kernel<'_>) -> String {
     let settings = Settings { threads: 1, aov: Default::default(), kernel };
-    let rendered = render::render(&prepared.database, &prepared.view, settings, |_| {});
+    let rendered =
+        render::render(&prepared.database, &prepared.view, settings, |_| std::ops::ControlFlow::Continue(()));
     FrameBuffer::sha256(&rendered.expect("a small image").frame)
 }

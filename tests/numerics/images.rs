@@ -20,20 +20,22 @@ pub(crate) fn image(scene: &Scene) -> (Pixels, u64) {
         camera: scene.camera.expect("a camera"),
         lights: scene.lights.clone(),
         background: scene.background,
-        image: ImageSettings::new(SIDE, SIDE, 4, 0.001).expect("possible"),
+        image: ImageSettings::new(SIDE, SIDE, 4, 0.001).expect("possible").with_terminator(scene.terminator),
     };
     let bvh = Bvh8::build(&database);
     let kernels = Simd::available().map(|simd| Kernel::Packets(&bvh, simd));
     let mut images = kernels.chain([Kernel::Single { mailbox: true }]).map(|kernel| {
         let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
-        let rendering = render(&database, &view, settings, |_| {}).expect("a small image");
-        (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels)
+        let rendering =
+            render(&database, &view, settings, |_| std::ops::ControlFlow::Continue(())).expect("a small image");
+        (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels, rendering.stats.rays)
     });
     let first = images.next().expect("scalar code is always there");
     for image in images {
         assert_eq!(image, first);
     }
-    first
+    let (pixels, non_finite_pixels, _) = first;
+    (pixels, non_finite_pixels)
 }
 
 pub(crate) fn placed(scene: &Scene, scale: f64, translation: f64) -> Scene {

@@ -9,6 +9,7 @@ mod extremes;
 mod floating_point;
 mod generated;
 mod images;
+mod materials;
 mod rays;
 mod reference;
 mod shading;

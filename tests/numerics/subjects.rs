@@ -53,7 +53,7 @@ impl Pieces {
         let mut records = compile(&scene).expect("nothing to compile");
         (records.triangles, records.spheres) = (self.triangles.clone(), self.spheres.clone());
         records.cones = self.cones.clone();
-        records.surfaces = vec![Surface { material: 0, normals: Surface::FLAT }; records.primitive_count()];
+        records.surfaces = vec![Surface::plain(0); records.primitive_count()];
         let octree = build::build(&records, parameters);
         let database = records.assemble(octree.words, octree.leaf_lists, parameters.max_depth).expect("small");
         Verified::new(database).expect("sound")

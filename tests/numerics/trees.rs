@@ -35,7 +35,7 @@ fn a_hit_outside_of_the_leaf_does_not_hide_a_nearer_one() {
 
 fn colours(database: &Verified, view: &View, mailbox: bool) -> Vec<u32> {
     let settings = Settings { threads: 1, aov: AovSet::default(), kernel: Kernel::Single { mailbox } };
-    let rendering = render(database, view, settings, |_| {});
+    let rendering = render(database, view, settings, |_| std::ops::ControlFlow::Continue(()));
     let frame = rendering.expect("a small image").frame;
     frame.pixels().colour.iter().flatten().map(|c| c.to_bits()).collect()
 }

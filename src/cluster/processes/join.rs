@@ -1,6 +1,7 @@
 //! A process that nobody spawned: it asks the manager for a place until it gets one, and begins anew when the run has
 //! failed under it.
 
+use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -63,6 +64,17 @@ pub enum JoinError {
     NoPlace { manager: String, patience: Duration, why: String },
     #[error("cannot wait: {0}")]
     System(std::io::Error),
+    /// The keys or the token of this process itself; no manager can help.
+    #[error("{0}")]
+    OwnSecret(String),
+}
+
+/// Why a try came to nothing.
+enum Refusal {
+    /// Another try may come to more.
+    Later(String),
+    /// None will.
+    Never(String),
 }
 
 /// Asks for a place until there is one. Ends the process where the run is over without it.
@@ -81,7 +93,8 @@ async fn ask(role: Role, joining: &Joining) -> Result<Bootstrap, JoinError> {
     loop {
         match timeout_at(late, try_once(role, joining)).await {
             Ok(Ok(bootstrap)) => return Ok(bootstrap),
-            Ok(Err(error)) if error != why => {
+            Ok(Err(Refusal::Never(error))) => return Err(JoinError::OwnSecret(error)),
+            Ok(Err(Refusal::Later(error))) if error != why => {
                 tracing::warn!("no place yet: {error}");
                 why = error;
             }
@@ -100,14 +113,19 @@ async fn ask(role: Role, joining: &Joining) -> Result<Bootstrap, JoinError> {
 }
 
 /// One conversation with the manager; it may last as long as the manager lives and has no place.
-async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
+async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, Refusal> {
+    let identity = identity(role, joining)?;
+    let introduction = introduction(role, joining, identity.as_ref())?;
+    let bootstrap = ask_once(joining, &introduction).await.map_err(Refusal::Later)?;
+    Ok(Bootstrap { identity, ..bootstrap })
+}
+
+async fn ask_once(joining: &Joining, introduction: &Introduction) -> Result<Bootstrap, String> {
     let said = |error: &dyn std::fmt::Display| error.to_string();
     let like = joining.bind.unwrap_or([127, 0, 0, 1].into());
     let address = listening::look_up(&joining.manager, joining.port, like).await.map_err(|error| said(&error))?;
-    let identity = identity(role, joining)?;
-    let introduction = introduction(role, joining, identity.as_ref())?;
     let connection =
-        connect(Role::Manager, address, &introduction, CONNECT_DEADLINE).await.map_err(|error| said(&error))?;
+        connect(Role::Manager, address, introduction, CONNECT_DEADLINE).await.map_err(|error| said(&error))?;
     let (mut sender, mut receiver) = connection.split::<JoinRequest, JoinReply>();
     sender.send(&JoinRequest { host: joining.host.clone() }).await.map_err(|error| said(&error))?;
     loop {
@@ -117,7 +135,6 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
                 return Ok(Bootstrap {
                     // It has answered here.
                     manager: address,
-                    identity,
                     bind: joining.bind.or(bootstrap.bind),
                     advertise: joining.advertise.clone().or(bootstrap.advertise),
                     ..*bootstrap
@@ -132,18 +149,22 @@ async fn try_once(role: Role, joining: &Joining) -> Result<Bootstrap, String> {
     }
 }
 
-fn identity(role: Role, joining: &Joining) -> Result<Option<Identity>, String> {
-    let read = |path: &PathBuf| Identity::read(path, role.kind()).map_err(|error| error.to_string());
+fn identity(role: Role, joining: &Joining) -> Result<Option<Identity>, Refusal> {
+    let read = |path: &PathBuf| Identity::read(path, role.kind()).map_err(|error| Refusal::Never(error.to_string()));
     joining.keys.as_ref().map(read).transpose()
 }
 
-/// Without a token a certificate must do.
-fn introduction(role: Role, joining: &Joining, identity: Option<&Identity>) -> Result<Introduction, String> {
+/// Without a token a certificate must do. A token's file may be there once the run is.
+fn introduction(role: Role, joining: &Joining, identity: Option<&Identity>) -> Result<Introduction, Refusal> {
+    let refusal = |error: std::io::Error| match error.kind() {
+        ErrorKind::NotFound => Refusal::Later(error.to_string()),
+        _ => Refusal::Never(error.to_string()),
+    };
     let token = match &joining.token {
-        Some(path) => token::read(path).map_err(|error| error.to_string())?,
+        Some(path) => token::read(path).map_err(refusal)?,
         None => RunToken::new([0; 32]),
     };
-    let tls = identity.map(Tls::new).transpose().map_err(|error| error.to_string())?;
+    let tls = identity.map(Tls::new).transpose().map_err(|error| Refusal::Never(error.to_string()))?;
     Ok(Introduction { hello: Hello::new(role, Epoch::JOINING, token), tls })
 }
 

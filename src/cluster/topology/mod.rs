@@ -1,6 +1,7 @@
 //! A topology file: read as written in [`mod@file`], proven into a [`Topology`]. Nothing after it checks again.
 
 mod document;
+mod effect;
 pub mod file;
 pub mod host;
 pub mod host_file;

@@ -123,6 +123,10 @@ fn summary(topology: &Topology, Subject { image, scene, .. }: &Subject) -> Strin
     for host in &topology.hosts {
         line("host", format_args!("{}", described(host, topology)));
     }
+    let idle = topology.without_effect_live();
+    if !idle.is_empty() {
+        line("no effect live", format_args!("{}", idle.join(", ")));
+    }
     let deadlines = topology.run.deadlines;
     let [startup, heartbeat, tile] =
         [deadlines.startup, deadlines.heartbeat, deadlines.tile].map(|deadline: Duration| deadline.as_secs_f64());

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Args;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory, Error, FromArgMatches};
 use nix::sys::signal::{SigHandler, Signal, signal};
 
 use super::Failure;
@@ -58,8 +60,36 @@ pub struct JoinArguments {
     #[arg(long, value_name = "SECONDS", env = "MARTI_PATIENCE", default_value_t = Seconds(600.0))]
     patience: Seconds,
     /// Tell by HTTP on this address, of this host alone, whether it has a place (/healthz)
-    #[arg(long, value_name = "ADDRESS:PORT", requires = "join")]
+    #[arg(long, value_name = "ADDRESS:PORT")]
     health: Option<SocketAddr>,
+}
+
+/// Options of [`JoinArguments`] that have no effect without `--join`. The environment may have them: processes that `marti run`
+/// starts inherit it.
+const OF_JOINING: [&str; 7] = ["interface", "advertise", "host", "keys", "token", "patience", "health"];
+
+/// Reads the command line of a process that may join. Ends the process where an option would have no effect.
+pub fn parse<A: CommandFactory + FromArgMatches>() -> A {
+    let mut command = A::command();
+    let matches = command.get_matches_mut();
+    let read = check_joining(&matches).and_then(|()| A::from_arg_matches(&matches));
+    read.unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+fn check_joining(matches: &ArgMatches) -> Result<(), Error> {
+    let is_typed = |option: &&str| matches.value_source(option) == Some(ValueSource::CommandLine);
+    let refused = |kind, what: String| Err(Error::raw(kind, what));
+    if !matches.contains_id("join")
+        && let Some(option) = OF_JOINING.iter().find(|option| is_typed(option))
+    {
+        let what = format!("--{option} has no effect without --join, expected both or neither\n");
+        return refused(ErrorKind::MissingRequiredArgument, what);
+    }
+    if ["keys", "token"].iter().all(is_typed) {
+        let what = "--token has no effect beside --keys, expected one of them\n";
+        return refused(ErrorKind::ArgumentConflict, what.to_owned());
+    }
+    Ok(())
 }
 
 impl JoinArguments {

@@ -1,19 +1,22 @@
 //! `marti render SCENE`
 
-use std::path::{self, PathBuf};
+use std::ops::ControlFlow;
+use std::path::{self, Path, PathBuf};
 use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum, value_parser};
+use nix::sys::signal::Signal;
 
 use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
 use super::view_options::ViewOptions;
-use super::{Failure, output_path, print, subject};
+use super::{Exit, Failure, output_path, print, subject};
 use cluster::processes::scene_warnings;
 use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
 use cluster::topology::value::{Cutoff, Depth};
 use cluster::topology::{self, Topology};
+use ground::interruption::Interruption;
 use ground::progress::{Progress, Status};
 use trace::image_file;
 use trace::preparation::{self, ImageDefaults, Prepared};
@@ -124,6 +127,9 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     if !packets && arguments.simd.is_some() {
         return Err(Failure::bad_input("--simd is of packets, but --kernel is single"));
     }
+    if packets && arguments.mailbox.is_some() {
+        return Err(Failure::bad_input("--mailbox is of the single kernel, but --kernel is packets"));
+    }
     let (aov, exr) = (arguments.planes.aov(), arguments.planes.exr());
     let subject = arguments.subject()?;
     let image = arguments.image(&subject);
@@ -150,6 +156,9 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     };
     let settings = Settings { threads: arguments.threads(), aov, kernel };
     let (mut walls, mut cpus) = (Vec::new(), Vec::new());
+    let interruption =
+        Interruption::watch().map_err(|error| Failure::failed(format!("cannot heed signals: {error}")))?;
+    let mut complete = None;
     let rendering = loop {
         let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
         let show = |status: &Status| {
@@ -157,14 +166,18 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
             if let Ok(mut progress) = progress.try_lock() {
                 progress.show(status);
             }
+            if interruption.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let rendering = render::render(&prepared.database, &prepared.view, settings, show)
             .map_err(|error| Failure::failed(error.to_string()))?;
         progress.into_inner().unwrap_or(Progress::Quiet).clear();
-        walls.push(rendering.wall);
-        cpus.push(rendering.cpu);
-        if walls.len() == arguments.repeat as usize {
-            break rendering;
+        if rendering.is_complete() || walls.is_empty() {
+            walls.push(rendering.wall);
+            cpus.push(rendering.cpu);
+            complete = Some(rendering);
+        }
+        if walls.len() == arguments.repeat as usize || interruption.signal().is_some() {
+            break complete.expect("the first one is always taken");
         }
     };
     let files =
@@ -180,7 +193,22 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
     }
-    if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) }
+    let printed = if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) };
+    match interruption.signal() {
+        None => printed,
+        Some(signal) => Err(interrupted(signal, &rendering, &image)),
+    }
+}
+
+/// What is kept of a rendering that a signal has ended.
+fn interrupted(signal: Signal, rendering: &Rendering, image: &Path) -> Failure {
+    let (exit, what) = match signal {
+        Signal::SIGTERM => (Exit::Terminated, "terminated"),
+        Signal::SIGHUP => (Exit::HungUp, "the terminal was closed"),
+        _ => (Exit::Interrupted, "interrupted"),
+    };
+    let Rendering { tiles_done, tiles, .. } = rendering;
+    Failure::new(exit, format!("{what}; {} has {tiles_done} of {tiles} tiles", image.display()))
 }
 
 fn report(
@@ -202,7 +230,7 @@ fn report(
     Report {
         schema_version: SCHEMA_VERSION,
         build: env!("CARGO_PKG_VERSION").to_owned(),
-        status: report::Status::Done,
+        status: if rendering.is_complete() { report::Status::Done } else { report::Status::Interrupted },
         error: None,
         scene: report::Scene::new(source, prepared),
         camera: Some(prepared.into()),

@@ -11,6 +11,7 @@ use cluster::chaos::FaultSchedule;
 use cluster::processes::manager::{self, Interrupt, RunEnd, RunRequest};
 use cluster::report::text;
 use cluster::topology::{Override, Topology};
+use ground::outlet;
 
 /// Render a topology with all its processes
 #[derive(Clone, Debug, Args)]
@@ -111,6 +112,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         }
         return Ok(());
     }
+    let idle = topology.without_effect_live();
+    if !idle.is_empty() && !arguments.quiet {
+        outlet::say(format_args!(
+            "note: {} change nothing of a live run, only of replays and studies",
+            idle.join(", ")
+        ));
+    }
     let outcome = manager::run(RunRequest {
         out,
         resume: arguments.resume.is_some(),
@@ -136,8 +144,14 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         RunEnd::Done => printed,
         RunEnd::Failed(why) => Err(Failure::failed(why)),
         RunEnd::TilesMissing => Err(Failure::new(Exit::TilesMissing, "tiles are missing: no node is left")),
-        RunEnd::Interrupted(Interrupt::Sigint) => Err(Failure::new(Exit::Interrupted, "interrupted")),
-        RunEnd::Interrupted(Interrupt::Sigterm) => Err(Failure::new(Exit::Terminated, "terminated")),
-        RunEnd::Interrupted(Interrupt::Sighup) => Err(Failure::new(Exit::HungUp, "the terminal was closed")),
+        RunEnd::Interrupted(interrupt) => {
+            let (exit, what) = match interrupt {
+                Interrupt::Sigint => (Exit::Interrupted, "interrupted"),
+                Interrupt::Sigterm => (Exit::Terminated, "terminated"),
+                Interrupt::Sighup => (Exit::HungUp, "the terminal was closed"),
+            };
+            let out = outcome.out.display();
+            Err(Failure::new(exit, format!("{what}; `marti run --resume {out}` goes on with it")))
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use clap::Args;
+use clap::{Args, value_parser};
 use serde::Serialize;
 
 use super::options::OctreeOptions;
@@ -30,7 +30,7 @@ pub struct VerifyArguments {
     #[arg(long)]
     watertight: bool,
     /// Rays to shoot: through pixels, anywhere, along axes, at edges and vertices, from surfaces
-    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = value_parser!(u64).range(1..))]
     rays: u64,
     /// The same seed gives the same rays
     #[arg(long, value_name = "S", default_value_t = 1)]

@@ -6,7 +6,7 @@ use super::ear_clipping::{self, Ear};
 use super::layout::{DATABASE_BYTES_MAX, GRANULE_BYTES, TooLarge};
 use super::normalisation::Normalisation;
 use super::primitives::Primitives;
-use super::records::{Cone, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
+use super::records::{Cone, LightTerms, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
 use super::{Database, Header, Layout, Section};
 use crate::scene::{Polygon, Scene};
 
@@ -21,6 +21,8 @@ pub struct Records {
     pub surfaces: Vec<Surface>,
     pub normals: Vec<Normals>,
     pub materials: Vec<Material>,
+    /// Whether a material lets a light's rays pass.
+    pub has_sheets: bool,
 }
 
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
@@ -44,6 +46,7 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
     let least = least_layout(scene)?;
     let records = |section| least.span(section).records as usize;
     let normalisation = Normalisation::new(scene.bounds());
+    let (materials, material_at) = materials(scene);
     let mut records = Records {
         normalisation,
         scene_primitives: scene.primitive_count() as u64,
@@ -52,17 +55,18 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
         cones: Vec::with_capacity(scene.cones.len()),
         surfaces: Vec::with_capacity(records(Section::Surfaces)),
         normals: Vec::with_capacity(records(Section::Normals)),
-        materials: scene.materials.iter().map(material).collect(),
+        materials,
+        has_sheets: scene.materials.iter().any(|material| material.shadow_transmittance > 0.0),
     };
     for (id, polygon) in scene.polygons.iter().enumerate() {
-        records.add_polygon(scene, id, polygon)?;
+        records.add_polygon(scene, id, polygon, material_at[polygon.material as usize])?;
     }
     for sphere in &scene.spheres {
         records.spheres.push(Sphere {
             centre: f32s(normalisation.point(sphere.centre)),
             radius: normalisation.length(sphere.radius) as f32,
         });
-        records.surfaces.push(Surface { material: sphere.material, normals: Surface::FLAT });
+        records.surfaces.push(Surface::plain(material_at[sphere.material as usize]));
     }
     for cone in &scene.cones {
         records.cones.push(Cone {
@@ -71,7 +75,7 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
             apex: f32s(normalisation.point(cone.apex)),
             apex_radius: normalisation.length(cone.apex_radius) as f32,
         });
-        records.surfaces.push(Surface { material: cone.material, normals: Surface::FLAT });
+        records.surfaces.push(Surface::plain(material_at[cone.material as usize]));
     }
     Ok(records)
 }
@@ -81,15 +85,19 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
 fn least_layout(scene: &Scene) -> Result<Layout, TooLarge> {
     let triangles = |polygon: &Polygon| u64::from(polygon.vertex_count).saturating_sub(2);
     let flat_and_smooth: u64 = scene.polygons.iter().map(triangles).sum();
-    let smooth = scene.polygons.iter().filter(|polygon| polygon.first_normal.is_some()).map(triangles).sum();
+    // A record for normals, and one for colours.
+    let corners = |polygon: &Polygon| {
+        triangles(polygon) * (u64::from(polygon.first_normal.is_some()) + u64::from(polygon.first_colour.is_some()))
+    };
+    let corners = scene.polygons.iter().map(corners).sum();
     let (spheres, cones) = (scene.spheres.len() as u64, scene.cones.len() as u64);
     let primitives = flat_and_smooth + spheres + cones;
-    let materials = scene.materials.len() as u64;
-    Layout::new([8, primitives, flat_and_smooth, spheres, cones, primitives, smooth, materials])
+    let materials = material_records(scene) as u64;
+    Layout::new([8, primitives, flat_and_smooth, spheres, cones, primitives, corners, materials])
 }
 
 impl Records {
-    fn add_polygon(&mut self, scene: &Scene, id: usize, polygon: &Polygon) -> Result<(), CompileError> {
+    fn add_polygon(&mut self, scene: &Scene, id: usize, polygon: &Polygon, material: u32) -> Result<(), CompileError> {
         let first = polygon.first_vertex as usize;
         let corners = &scene.vertices[first..first + polygon.vertex_count as usize];
         let cut = match corners.len() {
@@ -101,12 +109,18 @@ impl Records {
         for ear in if corners.len() == 3 { &[Ear::WHOLE][..] } else { &cut } {
             let corner = |i: usize| f32s(self.normalisation.point(corners[ear.corners[i] as usize]));
             self.triangles.push(Triangle::new([corner(0), corner(1), corner(2)], id as u32, ear.interior_edges));
-            let normals = polygon.first_normal.map_or(Surface::FLAT, |first| {
-                let normal = |i: usize| f32s(scene.normals[first as usize + ear.corners[i] as usize]);
-                self.normals.push(Normals([normal(0), normal(1), normal(2)]));
+            let mut push = |vectors: &[DVec3], first: u32| {
+                let vector = |i: usize| f32s(vectors[first as usize + ear.corners[i] as usize]);
+                self.normals.push(Normals([vector(0), vector(1), vector(2)]));
                 self.normals.len() as u32 - 1
+            };
+            let colours = polygon.first_colour.map(|first| push(&scene.colours, first));
+            let normals = polygon.first_normal.map(|first| push(&scene.normals, first));
+            self.surfaces.push(match (colours, normals) {
+                (Some(colours), normals) => Surface::coloured(material, colours, normals.is_some()),
+                (None, Some(normals)) => Surface::smooth(material, normals),
+                (None, None) => Surface::plain(material),
             });
-            self.surfaces.push(Surface { material: polygon.material, normals });
         }
         Ok(())
     }
@@ -164,8 +178,13 @@ impl Records {
             let first = (layout.span(section).base.0 / 4) as usize;
             words[first..first + source.words().len()].copy_from_slice(source.words());
         }
-        let header =
-            Header { layout, normalisation: self.normalisation, max_depth, scene_primitives: self.scene_primitives };
+        let header = Header {
+            layout,
+            normalisation: self.normalisation,
+            max_depth,
+            scene_primitives: self.scene_primitives,
+            has_sheets: self.has_sheets,
+        };
         Ok(Database { header, words: words.into() })
     }
 }
@@ -185,15 +204,31 @@ fn f32s(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-fn material(m: &crate::scene::Material) -> Material {
-    Material {
-        diffuse: f32s(m.diffuse),
-        highlight: f32s(m.highlight),
-        reflection: f32s(m.reflection),
-        shine: m.shine as f32,
-        transmittance: m.transmittance as f32,
-        ior: m.ior as f32,
+/// The records of all materials, and which record each material is: those with light terms take two.
+fn materials(scene: &Scene) -> (Vec<Material>, Vec<u32>) {
+    let (mut records, mut indices) =
+        (Vec::with_capacity(material_records(scene)), Vec::with_capacity(scene.materials.len()));
+    for material in &scene.materials {
+        indices.push(records.len() as u32);
+        let has_light_terms = has_light_terms(material);
+        records.push(Material::new(material, has_light_terms));
+        if has_light_terms {
+            let terms = LightTerms {
+                emission: f32s(material.emission),
+                shadow_transmittance: material.shadow_transmittance as f32,
+            };
+            records.push(terms.into());
+        }
     }
+    (records, indices)
+}
+
+fn material_records(scene: &Scene) -> usize {
+    scene.materials.len() + scene.materials.iter().filter(|material| has_light_terms(material)).count()
+}
+
+fn has_light_terms(material: &crate::scene::Material) -> bool {
+    material.emission != DVec3::ZERO || material.shadow_transmittance > 0.0
 }
 
 #[cfg(test)]

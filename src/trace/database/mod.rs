@@ -27,6 +27,8 @@ pub struct Header {
     pub max_depth: u32,
     /// Polygons, spheres and cones as in the file.
     pub scene_primitives: u64,
+    /// Whether a material lets a light's rays pass.
+    pub has_sheets: bool,
 }
 
 /// A whole database: the header and the image, 32-bit little-endian words.

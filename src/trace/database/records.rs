@@ -144,15 +144,58 @@ pub struct Cone {
 #[repr(C)]
 pub struct Surface {
     pub material: u32,
-    /// Index of a smooth triangle's vertex normals, or [`Surface::FLAT`].
-    pub normals: u32,
+    /// What is known of a triangle's corners. Bits 31–30: 0, their unit normals; 1, their colours; 2, their colours, and in
+    /// the next record their normals. Bits 29–0: the index in the section of normals. All bits set: nothing.
+    corners: u32,
 }
 
 impl Surface {
-    pub const FLAT: u32 = u32::MAX;
+    /// Indices are below this.
+    pub const CORNERS_MAX: u32 = 1 << 30;
+    const COLOURED: u32 = 1 << 30;
+    const COLOURED_SMOOTH: u32 = 2 << 30;
+    const PLAIN: u32 = u32::MAX;
+
+    /// Of one colour, and flat.
+    pub fn plain(material: u32) -> Self {
+        Self { material, corners: Self::PLAIN }
+    }
+
+    /// A triangle with the normals at this index.
+    pub fn smooth(material: u32, normals: u32) -> Self {
+        debug_assert!(normals < Self::CORNERS_MAX);
+        Self { material, corners: normals }
+    }
+
+    /// A triangle with the colours at this index and, if it is smooth, the normals at the next.
+    pub fn coloured(material: u32, colours: u32, is_smooth: bool) -> Self {
+        debug_assert!(colours < Self::CORNERS_MAX);
+        Self { material, corners: colours | if is_smooth { Self::COLOURED_SMOOTH } else { Self::COLOURED } }
+    }
+
+    /// Index of the corners' normals; `None` for a flat surface.
+    #[inline(always)]
+    pub fn normals(self) -> Option<u32> {
+        match self.corners >> 30 {
+            0 => Some(self.corners),
+            2 => Some((self.corners & (Self::CORNERS_MAX - 1)) + 1),
+            _ => None,
+        }
+    }
+
+    /// Index of the corners' colours; `None` for a surface of its material's colour alone.
+    #[inline(always)]
+    pub fn colours(self) -> Option<u32> {
+        matches!(self.corners >> 30, 1 | 2).then_some(self.corners & (Self::CORNERS_MAX - 1))
+    }
+
+    /// Whether the bits say one of the above.
+    pub fn is_known(self) -> bool {
+        self.corners >> 30 < 3 || self.corners == Self::PLAIN
+    }
 }
 
-/// The unit vertex normals of a smooth triangle, 36 bytes.
+/// A vector at each corner of a triangle, 36 bytes: its unit normal, or its colour in linear RGB.
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Normals(pub [[f32; 3]; 3]);
@@ -164,7 +207,8 @@ impl Normals {
     }
 }
 
-/// A material, 48 bytes; the terms are those of [`crate::scene::Material`].
+/// A material, 48 bytes; the terms are those of [`crate::scene::Material`]. If it emits, or lets a light's rays pass, the sign
+/// of `ior` is negative and its [`LightTerms`] are in the next record.
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Material {
@@ -173,10 +217,63 @@ pub struct Material {
     pub reflection: [f32; 3],
     pub shine: f32,
     pub transmittance: f32,
-    pub ior: f32,
+    ior: f32,
+}
+
+/// What a material adds to light by itself, and what it leaves of a light's rays: a record like a [`Material`]'s, so that
+/// scenes without have none.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct LightTerms {
+    /// Linear RGB.
+    pub emission: [f32; 3],
+    /// Share of a light's rays that pass, 0 to 1.
+    pub shadow_transmittance: f32,
+}
+
+impl LightTerms {
+    pub const NONE: Self = Self { emission: [0.0; 3], shadow_transmittance: 0.0 };
+}
+
+impl From<Material> for LightTerms {
+    fn from(record: Material) -> Self {
+        Self { emission: record.diffuse, shadow_transmittance: record.transmittance }
+    }
+}
+
+impl From<LightTerms> for Material {
+    fn from(terms: LightTerms) -> Self {
+        let nothing = Self::zeroed();
+        Self { diffuse: terms.emission, transmittance: terms.shadow_transmittance, ..nothing }
+    }
 }
 
 impl Material {
+    /// `has_light_terms`: they are in the next record.
+    pub fn new(of: &crate::scene::Material, has_light_terms: bool) -> Self {
+        let f32s = |v: DVec3| v.as_vec3().to_array();
+        let ior = of.ior as f32;
+        Self {
+            diffuse: f32s(of.diffuse),
+            highlight: f32s(of.highlight),
+            reflection: f32s(of.reflection),
+            shine: of.shine as f32,
+            transmittance: of.transmittance as f32,
+            ior: if has_light_terms { -ior } else { ior },
+        }
+    }
+
+    /// Index of refraction inside.
+    #[inline(always)]
+    pub fn ior(&self) -> f32 {
+        self.ior.abs()
+    }
+
+    /// Whether the next record has its [`LightTerms`].
+    #[inline(always)]
+    pub fn has_light_terms(&self) -> bool {
+        self.ior.is_sign_negative()
+    }
+
     /// Whether it reflects or transmits.
     #[inline(always)]
     pub fn is_branching(&self) -> bool {

@@ -1,6 +1,6 @@
 //! A database that came from outside, checked once so that nothing after it need check again.
 
-use super::records::{Cone, LeafEntry, OctreeNode, OctreeWord, Sphere, Surface, Triangle};
+use super::records::{Cone, LeafEntry, Material, OctreeNode, OctreeWord, Sphere, Surface, Triangle};
 use super::{Database, Section};
 use crate::database::records::MAX_DEPTH;
 
@@ -39,6 +39,7 @@ impl Verified {
         check_octree(&database)?;
         check_leaf_lists(database.records(Section::LeafLists), primitives)?;
         check_coordinates(&database)?;
+        check_materials(database.records(Section::Materials))?;
         check_surfaces(database.records(Section::Surfaces), count(Section::Materials), count(Section::Normals))?;
         Ok(Self(database))
     }
@@ -116,11 +117,21 @@ fn check_coordinates(database: &Database) -> Result<(), Corrupt> {
 
 fn check_surfaces(surfaces: &[Surface], materials: u64, normals: u64) -> Result<(), Corrupt> {
     let good = |s: &&Surface| {
-        u64::from(s.material) < materials && (s.normals == Surface::FLAT || u64::from(s.normals) < normals)
+        u64::from(s.material) < materials
+            && s.is_known()
+            && [s.colours(), s.normals()].into_iter().flatten().all(|index| u64::from(index) < normals)
     };
     match surfaces.iter().find(|s| !good(s)) {
-        Some(s) => Err(Corrupt(format!("surface with material {} and normals {}", s.material, s.normals))),
+        Some(s) => Err(Corrupt(format!("{s:?}, expected a material below {materials} and corners below {normals}"))),
         None => Ok(()),
+    }
+}
+
+/// The light terms of the last material are there.
+fn check_materials(materials: &[Material]) -> Result<(), Corrupt> {
+    match materials.last() {
+        Some(last) if last.has_light_terms() => Err(Corrupt("the last material lacks its light terms".to_owned())),
+        _ => Ok(()),
     }
 }
 

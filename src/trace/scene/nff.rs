@@ -15,6 +15,7 @@
 
 mod view;
 
+use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
@@ -49,7 +50,12 @@ pub fn load(path: &Path) -> Result<Scene, SourceError> {
 }
 
 fn parse(source: &Source) -> Result<Scene, SourceError> {
-    let mut reader = Reader { cursor: Cursor::new(source), scene: Scene::default(), plain_lights: Vec::new() };
+    let mut reader = Reader {
+        cursor: Cursor::new(source),
+        scene: Scene { file: Some(source.file.clone()), ..Scene::default() },
+        plain_lights: Vec::new(),
+    };
+    reader.cursor.warn_of_stray_end(&mut reader.scene.warnings);
     reader.entities()?;
     Ok(reader.finish())
 }
@@ -62,7 +68,10 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
+    /// A word that starts no entity is an error: numbers may spread over lines, so nothing shows where the next
+    /// entity starts.
     fn entities(&mut self) -> Result<(), SourceError> {
+        let mut is_empty = true;
         loop {
             let keyword = self.cursor.token();
             match keyword.bytes {
@@ -73,11 +82,12 @@ impl Reader<'_> {
                 b"f" => self.material()?,
                 b"l" => self.light(keyword)?,
                 b"v" => self.view(keyword)?,
-                b"b" => self.scene.background = self.cursor.triple(&COLOUR)?,
+                b"b" => self.scene.background = self.cursor.clamped_triple(&COLOUR, &mut self.scene.warnings)?,
                 // A file that says nothing is none.
-                b"" if self.scene != Scene::default() => return Ok(()),
+                b"" if !is_empty => return Ok(()),
                 _ => return Err(self.cursor.error(keyword, format_args!(", expected v, b, l, f, s, c, p, pp or #"))),
             }
+            is_empty = false;
         }
     }
 
@@ -90,8 +100,9 @@ impl Reader<'_> {
     }
 
     fn polygon(&mut self, smooth: bool) -> Result<(), SourceError> {
+        let line = self.cursor.line();
         let word = self.cursor.token();
-        let vertex_count = self.cursor.parse_count(word, "a polygon's vertex count", 3, u32::MAX)?;
+        let vertex_count = self.cursor.parse_count(word, "a polygon's vertex count", 0, u32::MAX)?;
         // A coordinate takes a blank and a digit: what the file cannot hold is refused before it is read.
         let vertex_bytes_min = if smooth { 12 } else { 6 };
         let vertices_max = self.cursor.remaining() / vertex_bytes_min;
@@ -101,28 +112,54 @@ impl Reader<'_> {
             );
             return Err(self.cursor.error(word, what));
         }
-        let first_vertex = self.scene.vertices.len() as u32;
-        let first_normal = smooth.then_some(self.scene.normals.len() as u32);
+        let (first_vertex, first_normal) = (self.scene.vertices.len(), self.scene.normals.len());
+        let mut has_normals = smooth;
         for _ in 0..vertex_count {
             let vertex = self.cursor.triple(&COORDINATE)?;
             self.scene.vertices.push(vertex);
             if smooth {
-                let normal = self.normal()?;
-                self.scene.normals.push(normal);
+                match self.normal()? {
+                    Some(normal) => self.scene.normals.push(normal),
+                    None => has_normals = false,
+                }
             }
         }
+        if !has_normals {
+            self.scene.normals.truncate(first_normal);
+        }
+        if vertex_count < 3 {
+            self.scene.vertices.truncate(first_vertex);
+            self.scene.normals.truncate(first_normal);
+            self.warn(
+                "short-face",
+                word,
+                format_args!(" vertices are too few, expected at least 3: the polygon is left out"),
+            );
+            return Ok(());
+        }
+        if vertex_count > 3 {
+            self.scene.polygon_lines.push((self.scene.polygons.len() as u32, line));
+        }
         let material = self.current_material();
-        self.scene.polygons.push(Polygon { first_vertex, vertex_count, first_normal, first_colour: None, material });
+        self.scene.polygons.push(Polygon {
+            first_vertex: first_vertex as u32,
+            vertex_count,
+            first_normal: has_normals.then_some(first_normal as u32),
+            first_colour: None,
+            material,
+        });
         Ok(())
     }
 
-    fn normal(&mut self) -> Result<DVec3, SourceError> {
+    /// `None`, with a warning, for one of length zero.
+    fn normal(&mut self) -> Result<Option<DVec3>, SourceError> {
         let mut ahead = self.cursor.clone();
-        let normal = self.cursor.triple(&NORMAL)?;
-        normal.try_normalize().ok_or_else(|| {
-            let word = ahead.token();
-            self.cursor.error(word, format_args!(" starts a normal without a direction, expected one longer than 0"))
-        })
+        let normal = self.cursor.triple(&NORMAL)?.try_normalize();
+        if normal.is_none() {
+            let what = " starts a normal without a direction, expected one longer than 0: the polygon is flat";
+            self.warn("zero-normal", ahead.token(), format_args!("{what}"));
+        }
+        Ok(normal)
     }
 
     fn sphere(&mut self) -> Result<(), SourceError> {
@@ -130,7 +167,9 @@ impl Reader<'_> {
         let word = self.cursor.token();
         let radius = self.cursor.parse_number(word, &RADIUS)?;
         if radius == 0.0 {
-            return Err(self.cursor.error(word, format_args!(" is no radius, expected one other than 0")));
+            let what = format_args!(" is no radius, expected one other than 0: the sphere is left out");
+            self.warn("sphere-without-radius", word, what);
+            return Ok(());
         }
         let material = self.current_material();
         self.scene.spheres.push(Sphere { centre, radius, material });
@@ -143,18 +182,19 @@ impl Reader<'_> {
         let apex = self.cursor.triple(&COORDINATE)?;
         let apex_word = self.cursor.token();
         let apex_radius = self.cursor.parse_number(apex_word, &RADIUS)?;
-        if (apex - base).try_normalize().is_none() {
-            return Err(self
-                .cursor
-                .error(keyword, format_args!(" without height, expected an apex away from the base")));
-        }
-        if base_radius == 0.0 && apex_radius == 0.0 {
-            let what = format_args!(" is the second radius that is 0, expected at most one");
-            return Err(self.cursor.error(apex_word, what));
-        }
         if base_radius * apex_radius < 0.0 {
             let what = format_args!(" is an apex radius of the other sign, expected both positive or both negative");
             return Err(self.cursor.error(apex_word, what));
+        }
+        if (apex - base).try_normalize().is_none() {
+            let what = format_args!(" without height, expected an apex away from the base: the cone is left out");
+            self.warn("cone-without-surface", keyword, what);
+            return Ok(());
+        }
+        if base_radius == 0.0 && apex_radius == 0.0 {
+            let what = format_args!(" is the second radius that is 0, expected at most one: the cone is left out");
+            self.warn("cone-without-surface", apex_word, what);
+            return Ok(());
         }
         let material = self.current_material();
         self.scene.cones.push(Cone { base, base_radius, apex, apex_radius, material });
@@ -162,16 +202,18 @@ impl Reader<'_> {
     }
 
     fn material(&mut self) -> Result<(), SourceError> {
-        let cursor = &mut self.cursor;
-        let colour = cursor.triple(&COLOUR)?;
-        let (kd, ks) = (cursor.number(&KD)?, cursor.number(&KS)?);
-        let (shine, transmittance) = (cursor.number(&SHINE)?, cursor.number(&TRANSMITTANCE)?);
-        let word = cursor.token();
-        let ior = cursor.parse_number(word, &IOR)?;
+        let (cursor, warnings) = (&mut self.cursor, &mut self.scene.warnings);
+        let colour = cursor.clamped_triple(&COLOUR, warnings)?;
+        let (kd, ks) = (cursor.clamped_number(&KD, warnings)?, cursor.clamped_number(&KS, warnings)?);
+        let shine = cursor.clamped_number(&SHINE, warnings)?;
+        let transmittance = cursor.clamped_number(&TRANSMITTANCE, warnings)?;
+        let mut ahead = cursor.clone();
+        let mut ior = cursor.clamped_number(&IOR, warnings)?;
         // An opaque surface has no use for an index, and SPD writes 0 there.
         if transmittance > 0.0 && ior == 0.0 {
-            let what = format_args!(" is no index of refraction where T is above 0, expected one above 0");
-            return Err(cursor.error(word, what));
+            let what = " is no index of refraction where T is above 0, expected one above 0: 1 is used";
+            self.warn("refractive-index", ahead.token(), format_args!("{what}"));
+            ior = 1.0;
         }
         self.scene.materials.push(Material::from_nff(colour, kd, ks, shine, transmittance, ior));
         Ok(())
@@ -188,236 +230,46 @@ impl Reader<'_> {
     }
 
     fn light(&mut self, keyword: Token) -> Result<(), SourceError> {
-        if self.scene.lights.len() == LIGHTS_MAX {
-            return Err(self
-                .cursor
-                .error(keyword, format_args!(" is one too many, expected at most {LIGHTS_MAX} lights")));
-        }
         let position = self.cursor.triple(&COORDINATE)?;
-        let colour = match self.cursor.token_on_line() {
-            Some(red) => {
-                let red = self.cursor.parse_number(red, &COLOUR)?;
-                DVec3::new(red, self.cursor.number(&COLOUR)?, self.cursor.number(&COLOUR)?)
-            }
-            None => {
-                self.plain_lights.push(self.scene.lights.len());
-                DVec3::ONE
-            }
-        };
+        let mut ahead = self.cursor.clone();
+        let is_plain = ahead.token_on_line().is_none();
+        let colour =
+            if is_plain { DVec3::ONE } else { self.cursor.clamped_triple(&COLOUR, &mut self.scene.warnings)? };
+        if self.scene.lights.len() == LIGHTS_MAX {
+            let what = format_args!(" is one too many, expected at most {LIGHTS_MAX} lights: it is left out");
+            self.warn("too-many-lights", keyword, what);
+            return Ok(());
+        }
+        if is_plain {
+            self.plain_lights.push(self.scene.lights.len());
+        }
         self.scene.lights.push(Light { position, colour });
         Ok(())
     }
 
     fn view(&mut self, keyword: Token) -> Result<(), SourceError> {
-        if self.scene.camera.is_some() {
-            return Err(self.cursor.error(keyword, format_args!(" is a second view, expected one")));
-        }
         let mut view = View::default();
         loop {
             let before = self.cursor.clone();
             let name = self.cursor.token();
-            if !view.read(name, &mut self.cursor)? {
+            if !view.read(name, &mut self.cursor, &mut self.scene.warnings)? {
                 self.cursor = before;
                 break;
             }
+        }
+        if self.scene.camera.is_some() {
+            self.warn("second-view", keyword, format_args!(" is a second view, expected one: the first counts"));
+            return Ok(());
         }
         let camera = view.camera().map_err(|what| self.cursor.error(keyword, format_args!(": {what}")))?;
         self.scene.camera = Some(camera);
         Ok(())
     }
+
+    fn warn(&mut self, kind: &'static str, word: Token, what: fmt::Arguments) {
+        self.cursor.warn(&mut self.scene.warnings, kind, word, what);
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn read(text: impl Into<Vec<u8>>) -> Result<Scene, String> {
-        parse(&Source::from_bytes("x.nff", text)).map_err(|error| error.to_string())
-    }
-
-    const EVERYTHING: &str = "\
-# Everything the format has.
-b 0.1 0.2 0.3
-v
-from 0 -5 1
-at 0 0 0
-up 0 0 1
-angle 40
-hither 0.1
-resolution 320 240
-l 1 2 3
-l 4 5 6 0.5 0.25 1e0 # with a colour
-f 1 .5 0 0.5 0.25 10 0 0
-s 1 2 3 -0.5
-c 0 0 0 1 0 0 2 0
-c
- 0 0 0 -1
- 0 0 2 -2
-f 1 1 1 +1 0 5. 0.5 1.5
-p 4
- 0 0 0
- 2 0 0 # a comment within
- 2 2 0
- 1 1 0
-pp 3
-0 0 0  0 0 2
-1 0 0  0 3 4
-0 1 0  1 0 0
-";
-
-    #[test]
-    fn every_entity_is_read() {
-        let scene = read(EVERYTHING).expect("valid");
-        let v = DVec3::new;
-        assert_eq!(scene.background, v(0.1, 0.2, 0.3));
-        let camera = scene.camera.expect("a camera");
-        assert_eq!((camera.from, camera.at, camera.up), (v(0.0, -5.0, 1.0), DVec3::ZERO, DVec3::Z));
-        assert_eq!((camera.angle_degrees, camera.resolution), (40.0, Some((320, 240))));
-        assert_eq!(scene.lights[0], Light { position: v(1.0, 2.0, 3.0), colour: DVec3::splat(1.0 / 2f64.sqrt()) });
-        assert_eq!(scene.lights[1], Light { position: v(4.0, 5.0, 6.0), colour: v(0.5, 0.25, 1.0) });
-        assert_eq!(scene.materials[0], Material::from_nff(v(1.0, 0.5, 0.0), 0.5, 0.25, 10.0, 0.0, 0.0));
-        assert_eq!(scene.materials[1], Material::from_nff(DVec3::ONE, 1.0, 0.0, 5.0, 0.5, 1.5));
-        assert_eq!(scene.spheres, [Sphere { centre: v(1.0, 2.0, 3.0), radius: -0.5, material: 0 }]);
-        let cone = |base_radius, apex_radius| Cone {
-            base: DVec3::ZERO,
-            base_radius,
-            apex: v(0.0, 0.0, 2.0),
-            apex_radius,
-            material: 0,
-        };
-        assert_eq!(scene.cones, [cone(1.0, 0.0), cone(-1.0, -2.0)]);
-        let polygon = |first_vertex, vertex_count, first_normal| Polygon {
-            first_vertex,
-            vertex_count,
-            first_normal,
-            first_colour: None,
-            material: 1,
-        };
-        assert_eq!(scene.polygons, [polygon(0, 4, None), polygon(4, 3, Some(0))]);
-        assert_eq!(scene.corners(&scene.polygons[0])[3], v(1.0, 1.0, 0.0));
-        assert_eq!(scene.normals, [DVec3::Z, v(0.0, 3.0, 4.0).normalize(), DVec3::X]);
-    }
-
-    #[test]
-    fn line_ends_and_byte_order_marks_of_other_systems_are_read() {
-        let windows = format!("\u{feff}{}", EVERYTHING.replace('\n', "\r\n"));
-        assert_eq!(read(windows), read(EVERYTHING));
-        assert_eq!(read(EVERYTHING.trim_end()), read(EVERYTHING));
-    }
-
-    #[test]
-    fn without_entities_there_are_defaults() {
-        assert_eq!(read("b 0 0 1").map(|scene| scene.background), Ok(DVec3::Z));
-        let scene = read("s 0 0 0 1#one\nf 1 0 0 1 0 1 0 1 s 1 1 1 1").expect("valid");
-        assert_eq!(scene.materials[0], Material::WHITE);
-        assert_eq!((scene.spheres[0].material, scene.spheres[1].material), (0, 1));
-    }
-
-    #[test]
-    fn mistakes_are_told_with_their_place() {
-        let lights = "l 0 0 0\n".repeat(LIGHTS_MAX + 1);
-        let table: &[(&[u8], &str)] = &[
-            (b"", "1:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
-            (b"# only a comment\n", "2:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
-            (b"x 1", "1:1: \"x\", expected v, b, l, f, s, c, p, pp or #"),
-            (b"s 0 0 0 1 2", "1:11: \"2\", expected v, b, l, f, s, c, p, pp or #"),
-            (
-                b"\x7fELF\x02\x01\x01\0\0",
-                "1:1: \"\\x7fELF\\x02\\x01\\x01\\x00\\x00\", expected v, b, l, f, s, c, p, pp or #",
-            ),
-            (b"s 0 0 \xff\xfe 1", "1:7: \"\\xff\\xfe\" is not a number, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 0 \0 1", "1:7: \"\\x00\" is not a number, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 0 0", "1:8: the file ends here, expected a radius from -1e30 to 1e30"),
-            (b"# \n\ns 0 0 0 0", "3:9: \"0\" is no radius, expected one other than 0"),
-            (b"s nan 0 0 1", "1:3: \"nan\" is out of range, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 -inf 0 1", "1:5: \"-inf\" is out of range, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 1e400 0 1", "1:5: \"1e400\" is out of range, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 2e30 0 1", "1:5: \"2e30\" is out of range, expected a coordinate from -1e30 to 1e30"),
-            (b"s 0 0,5 0 1", "1:5: \"0,5\" is not a number, expected a coordinate from -1e30 to 1e30"),
-            (b"f 1 1 1 -1 0 1 0 1", "1:9: \"-1\" is out of range, expected Kd from 0 to 1e6"),
-            (b"f 1 1 1 1 -0.1 1 0 1", "1:11: \"-0.1\" is out of range, expected Ks from 0 to 1e6"),
-            (b"f 1 1 1 1 0 1 1.5 1", "1:15: \"1.5\" is out of range, expected T from 0 to 1"),
-            (b"f 1 1 1 1 0 1 0.5 0", "1:19: \"0\" is no index of refraction where T is above 0, expected one above 0"),
-            (b"f 1 -1 1 1 0 1 0 1", "1:5: \"-1\" is out of range, expected a colour's component from 0 to 1e6"),
-            (
-                b"p 2\n0 0 0\n1 1 1",
-                "1:3: \"2\", expected a polygon's vertex count, a whole number from 3 to 4294967295",
-            ),
-            (b"p -3", "1:3: \"-3\", expected a polygon's vertex count, a whole number from 3 to 4294967295"),
-            (b"p 3.5", "1:3: \"3.5\", expected a polygon's vertex count, a whole number from 3 to 4294967295"),
-            (
-                b"p 4000000000\n0 0 0\n",
-                "1:3: \"4000000000\" vertices are too many, expected at most the 1 that the rest of the file can hold",
-            ),
-            (
-                b"p 99999999999",
-                "1:3: \"99999999999\", expected a polygon's vertex count, a whole number from 3 to 4294967295",
-            ),
-            (b"p 3\n0.5 0.5 0\n1 0 0\n0 1 ", "4:5: the file ends here, expected a coordinate from -1e30 to 1e30"),
-            (
-                b"pp 3\n0 0 0 0 0 0\n1 0 0 0 0 1\n0 1 0 0 0 1",
-                "2:7: \"0\" starts a normal without a direction, expected one longer than 0",
-            ),
-            (b"c 0 0 0 1 0 0 0 1", "1:1: \"c\" without height, expected an apex away from the base"),
-            (b"c 0 0 0 0 0 0 1 0", "1:17: \"0\" is the second radius that is 0, expected at most one"),
-            (
-                b"c\n0 0 0 1\n0 0 1 -1",
-                "3:7: \"-1\" is an apex radius of the other sign, expected both positive or both negative",
-            ),
-            (b"l 0 0", "1:6: the file ends here, expected a coordinate from -1e30 to 1e30"),
-            (b"l 0 0 0 1\ns 0 0 0 1", "2:1: \"s\" is not a number, expected a colour's component from 0 to 1e6"),
-            (lights.as_bytes(), "4097:1: \"l\" is one too many, expected at most 4096 lights"),
-            (
-                b"v\nfrom 1 0 0\nat 0 0 0\nangle 45\n",
-                "1:1: \"v\": the view has no `up`, expected from, at, up and angle",
-            ),
-        ];
-        for (text, expected) in table {
-            let error = read(*text).expect_err("malformed");
-            assert_eq!(error, format!("x.nff:{expected}"), "{}", text.escape_ascii());
-        }
-    }
-
-    #[test]
-    fn impossible_views_are_told_with_their_place() {
-        for (right, wrong, expected) in [
-            ("at 0 0 0", "at 0 -5 1", "3:1: \"v\": from and at are the same point, expected two"),
-            ("up 0 0 1", "up 0 5 -1", "3:1: \"v\": up is along the view direction, expected it to point aside"),
-            ("up 0 0 1", "up 0 0 0", "3:1: \"v\": up has no direction, expected a vector longer than 0"),
-            ("up 0 0 1\n", "", "3:1: \"v\": the view has no `up`, expected from, at, up and angle"),
-            ("angle 40", "angle 180", "7:7: \"180\" is out of range, expected an angle between 0 and 180"),
-            ("angle 40", "angle -1", "7:7: \"-1\" is out of range, expected an angle in degrees from 0 to 180"),
-            ("320 240", "0 240", "9:12: \"0\", expected a width in pixels, a whole number from 1 to 65536"),
-            ("320 240", "320 65537", "9:16: \"65537\", expected a height in pixels, a whole number from 1 to 65536"),
-            ("s 1 2 3 -0.5", "v", "13:1: \"v\" is a second view, expected one"),
-        ] {
-            let error = read(EVERYTHING.replace(right, wrong)).expect_err("malformed");
-            assert_eq!(error, format!("x.nff:{expected}"));
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn arbitrary_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-            let _ = read(bytes);
-        }
-
-        #[test]
-        fn a_damaged_file_is_read_or_refused(
-            cut in 0..=EVERYTHING.len(),
-            at in prop::collection::vec((0..EVERYTHING.len(), prop::sample::select(b"0-19e. \n#pcsvlfb\xff".to_vec())), 0..6),
-        ) {
-            let mut bytes = EVERYTHING.as_bytes().to_vec();
-            for (place, byte) in at {
-                bytes[place] = byte;
-            }
-            bytes.truncate(cut);
-            if let Ok(scene) = read(bytes) {
-                prop_assert!(scene.vertices.iter().chain(&scene.normals).all(|v| v.is_finite()));
-                prop_assert!(scene.polygons.iter().all(|p| (p.material as usize) < scene.materials.len()));
-            }
-        }
-    }
-}
+mod tests;

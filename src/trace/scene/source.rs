@@ -53,10 +53,15 @@ impl Source {
 
     /// An error at a byte of this file. Line and column (in characters) are counted only now.
     pub fn error(&self, at: usize, what: impl Into<String>) -> SourceError {
-        let before = self.bytes.get(..at).unwrap_or(&self.bytes);
-        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
-        let line_start = before.iter().rposition(|&b| b == b'\n').map_or(0, |newline| newline + 1);
-        let column = 1 + String::from_utf8_lossy(&before[line_start..]).chars().count();
+        let at = at.min(self.bytes.len());
+        let is_line_end = |&i: &usize| match self.bytes[i] {
+            b'\n' => true,
+            b'\r' => self.bytes.get(i + 1) != Some(&b'\n'),
+            _ => false,
+        };
+        let line = 1 + (0..at).filter(is_line_end).count();
+        let line_start = (0..at).rev().find(is_line_end).map_or(0, |end| end + 1);
+        let column = 1 + String::from_utf8_lossy(&self.bytes[line_start..at]).chars().count();
         let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         SourceError::new(&self.file, Some((count(line), count(column))), what)
     }
@@ -84,6 +89,9 @@ mod tests {
         assert_eq!(place(8), Some((3, 1)));
         assert_eq!(place(9), Some((4, 1)));
         assert_eq!(place(1000), Some((4, 1)), "past the end is the end");
+        let source = Source::from_bytes("x", "a\rb\r\nc\r\rd");
+        let places: Vec<_> = [0, 1, 2, 3, 4, 5, 8].map(|at| source.error(at, "").place.expect("a place")).into();
+        assert_eq!(places, [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (5, 1)], "CR, CR LF, CR, CR");
     }
 
     #[test]

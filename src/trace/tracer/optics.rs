@@ -85,6 +85,38 @@ pub fn smooth<L: Doubles>(corners: [V3<L>; 3], barycentrics: [L; 3], own: V3<L>)
     normalise_or(weighted(corners, barycentrics), own)
 }
 
+/// The colours of triangles between those of their corners.
+#[inline(always)]
+pub fn tint<L: Doubles>(corners: [V3<L>; 3], barycentrics: [L; 3]) -> V3<L> {
+    weighted(corners, barycentrics)
+}
+
+/// Where rays to lights leave from triangles with a soft terminator: points of flat triangles, moved out to the round surface that
+/// the corners' normals describe. A point is moved by what it lies below the planes through the corners, on the side that
+/// the shading normal is on; not where the surface is hollow. It stays within the root.
+///
+/// J. Hanika, *Hacking the Shadow Terminator*, Ray Tracing Gems II, 2021.
+#[inline(always)]
+pub fn rounded<L: Doubles>(
+    point: V3<L>,
+    vertices: [V3<L>; 3],
+    normals: [V3<L>; 3],
+    barycentrics: [L; 3],
+    shading: V3<L>,
+) -> V3<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let out = |k: usize| {
+        let normal: V3<L> = normals[k];
+        let side = dot(normal, shading);
+        let normal = [normal[0].turned(side), normal[1].turned(side), normal[2].turned(side)];
+        let above = dot(sub(point, vertices[k]), normal).min(zero);
+        scale(normal, zero.sub(above))
+    };
+    let moved = add(point, weighted([out(0), out(1), out(2)], barycentrics));
+    let inside = |axis: usize| moved[axis].min(one).max(L::splat(-1.0));
+    [inside(0), inside(1), inside(2)]
+}
+
 /// A ray's direction, reflected: of unit length but for rounding.
 #[inline(always)]
 pub fn mirrored<L: Doubles>(incoming: V3<L>, normal: V3<L>) -> V3<L> {
@@ -136,7 +168,7 @@ pub fn scatter(
 /// Snell's direction through the surface; `None` if it reflects totally. The side is told by the geometric normal, which
 /// points outward.
 pub fn refract(material: &Material, outward: DVec3, normal: DVec3, incoming: DVec3) -> Option<DVec3> {
-    let ior = f64::from(material.ior);
+    let ior = f64::from(material.ior());
     let eta = if incoming.dot(outward) < 0.0 { 1.0 / ior } else { ior };
     let cosine = -incoming.dot(normal);
     let k = 1.0 - eta * eta * (1.0 - cosine * cosine);

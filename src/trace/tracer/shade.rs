@@ -7,12 +7,12 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, scatter, smooth};
+use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, rounded, scatter, smooth, tint};
 use super::ray::Ray;
 use super::stats::TraceStats;
 use super::view::{Illumination, View};
 use crate::database::Header;
-use crate::database::records::{Material, PrimitiveId, Surface};
+use crate::database::records::{LightTerms, Material, PrimitiveId, Surface};
 
 /// Shades what rays hit, and casts the rays for it.
 pub struct Shader {
@@ -38,7 +38,7 @@ struct Ancestry {
 
 impl Shader {
     pub fn new(header: &Header, view: &View, mailbox: bool) -> Self {
-        Self { hero: Hero::new(header, mailbox), illumination: Illumination::new(view, &header.normalisation) }
+        Self { hero: Hero::new(header, mailbox), illumination: Illumination::new(view, header) }
     }
 
     /// Traces a primary ray: normalised origin anywhere, unit direction.
@@ -91,10 +91,17 @@ impl Shader {
         let surface = port.surface(hit.primitive.0)?;
         let material = port.material(surface.material)?;
         let incoming = ray.direction_f64();
-        let normal = shading_normal(port, hit, point, surface)?;
-        let normal = DVec3::from(facing(normal.to_array(), incoming.to_array()));
-        let mirrored = DVec3::from(mirrored(incoming.to_array(), normal.to_array()));
-        let mut radiance = self.local(port, point, normal, mirrored, &material, stats)?;
+        let corners = Corners::read(port, hit, surface)?;
+        let normal = facing(corners.normal(hit, point).to_array(), incoming.to_array());
+        let mirrored = DVec3::from(mirrored(incoming.to_array(), normal));
+        let normal = DVec3::from(normal);
+        let diffuse = corners.tinted(hit, material.diffuse);
+        let terms = light_terms(port, surface, &material)?;
+        let from =
+            if self.illumination.is_terminator_soft { corners.rounded(hit, point, normal) } else { point.position };
+        let leaving = SurfacePoint { position: from, ..*point };
+        let finish = Finish { diffuse, highlight: material.highlight, shine: &[material.shine] };
+        let mut radiance = self.local(port, &leaving, normal, mirrored, terms.emission, &finish, stats)?;
         if ancestry.bounces == self.illumination.depth {
             return Ok(radiance);
         }
@@ -111,19 +118,20 @@ impl Shader {
         Ok(radiance)
     }
 
-    /// Light that comes straight from the lights on the viewer's side of the surface.
+    /// What the surface emits, and the light that comes straight from the lights on the viewer's side of it.
+    #[expect(clippy::too_many_arguments, reason = "each is computed once for the surface, and used for other rays too")]
     fn local<M: MemoryPort>(
         &mut self,
         port: &mut M,
         point: &SurfacePoint,
         normal: DVec3,
         mirrored: DVec3,
-        material: &Material,
+        emission: [f32; 3],
+        finish: &Finish<'_, f32>,
         stats: &mut TraceStats,
     ) -> Result<Vec3, M::Error> {
         let (outward, normal, mirrored) = (point.normal.to_array(), normal.to_array(), mirrored.to_array());
-        let finish = Finish { diffuse: material.diffuse, highlight: material.highlight, shine: &[material.shine] };
-        let mut radiance = [0.0; 3];
+        let mut radiance = emission;
         for light in 0..self.illumination.lights.len() {
             let (position, colour) = self.illumination.lights[light];
             let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored);
@@ -138,28 +146,107 @@ impl Shader {
                 t_max: to_light.distance as f32,
                 source: point.source,
             };
-            if !self.hero.occluded(port, &ray, stats)? {
+            let mut share = 1.0;
+            if self.hero.occluded(port, &ray, stats)? {
+                share = match self.illumination.has_sheets {
+                    true => through_sheets(&mut self.hero, port, ray, stats)?,
+                    false => 0.0,
+                };
+            }
+            if share > 0.0 {
                 let Cosines { normal, mirrored } = to_light.cosines;
                 let cosines = Cosines { normal: &[normal as f32][..], mirrored: &[mirrored as f32] };
-                radiance = brighten::<f32, f64>(radiance, colour, &finish, cosines, 1);
+                radiance = brighten::<f32, f64>(radiance, colour * share, finish, cosines, 1);
             }
         }
         Ok(radiance.into())
     }
 }
 
-/// The normal that a surface is shaded by, not yet turned to where the ray comes from.
-#[inline(always)]
-pub(super) fn shading_normal<M: MemoryPort>(
+/// More sheets than this on the way to a light let nothing pass.
+const SHEETS_MAX: usize = 64;
+
+/// The share of a light's ray that passes all that is in its way, which is something. Sheet after sheet from the surface on, so that
+/// the product's bits do not depend on the order of tests; each sheet that lets light pass is one more shadow ray.
+pub(super) fn through_sheets<M: MemoryPort>(
+    hero: &mut Hero,
     port: &mut M,
-    hit: &Hit,
-    point: &SurfacePoint,
-    surface: Surface,
-) -> Result<DVec3, M::Error> {
-    let HitOn::Triangle { barycentrics, .. } = hit.on else { return Ok(point.normal) };
-    if surface.normals == Surface::FLAT {
-        return Ok(point.normal);
+    mut ray: Ray,
+    stats: &mut TraceStats,
+) -> Result<f32, M::Error> {
+    let mut share = 1.0;
+    for _ in 0..SHEETS_MAX {
+        let Some(hit) = hero.nearest(port, &ray, stats)? else { return Ok(share) };
+        let surface = port.surface(hit.primitive.0)?;
+        let material = port.material(surface.material)?;
+        share *= light_terms(port, surface, &material)?.shadow_transmittance;
+        if !(share > 0.0) {
+            return Ok(0.0);
+        }
+        stats.rays[RayKind::Shadow as usize] += 1;
+        ray = hit.surface_point(&ray).leaving(ray.direction_f64(), ray.t_max - hit.t);
     }
-    let corners = port.normals(surface.normals)?.widened();
-    Ok(smooth(corners, barycentrics, point.normal.to_array()).into())
+    Ok(0.0)
+}
+
+#[inline(always)]
+fn light_terms<M: MemoryPort>(port: &mut M, surface: Surface, material: &Material) -> Result<LightTerms, M::Error> {
+    if material.has_light_terms() { Ok(port.material(surface.material + 1)?.into()) } else { Ok(LightTerms::NONE) }
+}
+
+/// What is known of the corners of a triangle that is hit.
+pub(super) struct Corners {
+    normals: Option<[[f64; 3]; 3]>,
+    colours: Option<[[f64; 3]; 3]>,
+}
+
+impl Corners {
+    #[inline(always)]
+    pub(super) fn read<M: MemoryPort>(port: &mut M, hit: &Hit, surface: Surface) -> Result<Self, M::Error> {
+        let mut corners = Self { normals: None, colours: None };
+        if let HitOn::Triangle { .. } = hit.on {
+            if let Some(index) = surface.normals() {
+                corners.normals = Some(port.normals(index)?.widened());
+            }
+            if let Some(index) = surface.colours() {
+                corners.colours = Some(port.normals(index)?.widened());
+            }
+        }
+        Ok(corners)
+    }
+
+    /// The normal that a surface is shaded by, not yet turned to where the ray comes from.
+    #[inline(always)]
+    pub(super) fn normal(&self, hit: &Hit, point: &SurfacePoint) -> DVec3 {
+        match (&hit.on, self.normals) {
+            (&HitOn::Triangle { barycentrics, .. }, Some(normals)) => {
+                smooth(normals, barycentrics, point.normal.to_array()).into()
+            }
+            _ => point.normal,
+        }
+    }
+
+    /// A colour times that of the triangle.
+    #[inline(always)]
+    pub(super) fn tinted(&self, hit: &Hit, colour: [f32; 3]) -> [f32; 3] {
+        match (&hit.on, self.colours) {
+            (&HitOn::Triangle { barycentrics, .. }, Some(colours)) => {
+                let tint = tint(colours, barycentrics);
+                [colour[0] * tint[0] as f32, colour[1] * tint[1] as f32, colour[2] * tint[2] as f32]
+            }
+            _ => colour,
+        }
+    }
+
+    /// Where rays to lights leave with a soft terminator.
+    #[inline(always)]
+    pub(super) fn rounded(&self, hit: &Hit, point: &SurfacePoint, shading: DVec3) -> DVec3 {
+        match (&hit.on, self.normals) {
+            (HitOn::Triangle { triangle, barycentrics }, Some(normals)) => {
+                let vertices = triangle.vertices().map(|vertex| vertex.to_array());
+                rounded(point.position.to_array(), vertices, normals, *barycentrics, shading.to_array()).into()
+            }
+            _ => point.position,
+        }
+    }
 }

@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::database::Normalisation;
-use crate::picture::ImageSettings;
+use crate::database::Header;
+use crate::picture::{ImageSettings, Terminator};
 use crate::scene::{Camera, Light};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,16 +26,22 @@ pub struct Illumination {
     pub depth: u32,
     /// Weight in the pixel that a secondary ray must exceed.
     pub cutoff: f32,
+    /// Rays to lights leave from smooth triangles as if these were round.
+    pub is_terminator_soft: bool,
+    /// Rays to lights go on behind what lets them pass.
+    pub has_sheets: bool,
 }
 
 impl Illumination {
-    pub fn new(view: &View, normalisation: &Normalisation) -> Self {
-        let light = |light: &Light| (normalisation.point(light.position), light.colour.as_vec3());
+    pub fn new(view: &View, header: &Header) -> Self {
+        let light = |light: &Light| (header.normalisation.point(light.position), light.colour.as_vec3());
         Self {
             lights: view.lights.iter().map(light).collect(),
             background: view.background.as_vec3(),
             depth: view.image.depth(),
             cutoff: view.image.cutoff(),
+            is_terminator_soft: view.image.terminator() == Terminator::Soft,
+            has_sheets: header.has_sheets,
         }
     }
 }

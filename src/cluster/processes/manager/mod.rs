@@ -100,6 +100,8 @@ pub enum RunEnd {
 #[derive(Clone, Debug)]
 pub struct RunOutcome {
     pub end: RunEnd,
+    /// The run's folder.
+    pub out: PathBuf,
     /// Also written to `report.json`.
     pub report: Report,
 }
@@ -205,9 +207,12 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let listen = request.listen.unwrap_or((first.interface(), first.port).into());
     let warning = match open_address(listen, &placement).filter(|_| request.keys.is_none()) {
         Some(address) if !request.insecure => return Err(RunError::NoKeys { address }),
-        open => {
-            open.map(|address| format!("{address} is used without keys: who can reach it can read all that is said"))
+        Some(address) => Some(format!("{address} is used without keys: who can reach it can read all that is said")),
+        None if request.insecure && request.keys.is_some() => Some("--insecure has no effect beside --keys".to_owned()),
+        None if request.insecure => {
+            Some("--insecure has no effect: no other machine can reach the addresses of this run".to_owned())
         }
+        None => None,
     };
     let Keys { tls, identities } = match &request.keys {
         Some(folder) => Keys::read(folder, &placement, &topology.cluster)?,
@@ -315,7 +320,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
             format!("; logs and report are in {}, and what an earlier run left is {earlier}", place.display())
         });
         let why = [Some(why.clone()), report_lacks, place].into_iter().flatten().collect();
-        return Ok(RunOutcome { end: RunEnd::Failed(why), report });
+        return Ok(RunOutcome { end: RunEnd::Failed(why), out: request.out, report });
     }
     written.map_err(RunError::Output)?;
     let end = match state.over() {
@@ -323,7 +328,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         Some(Cause::Interrupted(signal)) => RunEnd::Interrupted(*signal),
         Some(Cause::Failed(_) | Cause::NoNodes) | None => RunEnd::TilesMissing,
     };
-    Ok(RunOutcome { end, report })
+    Ok(RunOutcome { end, out: request.out, report })
 }
 
 fn faults(request: &RunRequest) -> Result<Vec<chaos::Fault>, chaos::NoSuchSlot> {

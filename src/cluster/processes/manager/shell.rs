@@ -2,15 +2,12 @@
 
 use std::collections::HashMap;
 use std::io;
-use std::mem::MaybeUninit;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::ptr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use nix::errno::Errno;
-use nix::libc;
+use nix::sys::signal::Signal::SIGHUP;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 use tokio::time::sleep_until;
@@ -36,6 +33,7 @@ use crate::protocol::connection::Credentials;
 use crate::protocol::hello::Role;
 use crate::report::Chaos;
 use ground::ids::ClusterId;
+use ground::interruption::is_ignored;
 use ground::progress::{Progress, Status};
 use ground::telemetry;
 
@@ -173,16 +171,7 @@ async fn arrived(signal: &mut Signal) -> Option<()> {
 
 /// The end of the terminal, unless this process was started to outlive it (`nohup`).
 fn hang_up() -> io::Result<Option<Signal>> {
-    Ok(if is_ignored(libc::SIGHUP)? { None } else { Some(signal(SignalKind::hangup())?) })
-}
-
-fn is_ignored(signal: libc::c_int) -> io::Result<bool> {
-    let mut found = MaybeUninit::<libc::sigaction>::zeroed();
-    // SAFETY: no new action is given; the present one is written to memory that is ours, of its type.
-    let outcome = unsafe { libc::sigaction(signal, ptr::null(), found.as_mut_ptr()) };
-    Errno::result(outcome)?;
-    // SAFETY: the call succeeded, and all zeros are an action too.
-    Ok(unsafe { found.assume_init() }.sa_sigaction == libc::SIG_IGN)
+    Ok(if is_ignored(SIGHUP)? { None } else { Some(signal(SignalKind::hangup())?) })
 }
 
 async fn hung_up(signal: &mut Option<Signal>) -> Option<()> {

@@ -26,6 +26,7 @@ fn configuration() -> NodeConfiguration {
             normalisation: Normalisation::new(None),
             max_depth: 12,
             scene_primitives: 1,
+            has_sheets: false,
         },
         view: View {
             camera,

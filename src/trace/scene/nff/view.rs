@@ -4,11 +4,12 @@ use glam::DVec3;
 
 use super::COORDINATE;
 use crate::picture::ImageSettings;
-use crate::scene::cursor::{Cursor, Field, Token};
-use crate::scene::{Camera, SourceError};
+use crate::scene::cursor::{Cursor, Field, Judged, Token};
+use crate::scene::{Camera, SourceError, Warnings};
 
 const ANGLE: Field = Field { name: "an angle in degrees", min: 0.0, max: 180.0 };
 const HITHER: Field = Field { name: "a hither distance", min: -1e30, max: 1e30 };
+const SIDE: Field = Field { name: "a side in pixels", min: 1.0, max: ImageSettings::SIDE_MAX as f64 };
 
 /// The parts of a view as they come.
 #[derive(Default)]
@@ -22,7 +23,12 @@ pub(super) struct View {
 
 impl View {
     /// Reads one part; `false` when the word names none.
-    pub(super) fn read(&mut self, name: Token, cursor: &mut Cursor) -> Result<bool, SourceError> {
+    pub(super) fn read(
+        &mut self,
+        name: Token,
+        cursor: &mut Cursor,
+        warnings: &mut Warnings,
+    ) -> Result<bool, SourceError> {
         match name.bytes {
             b"from" => self.from = Some(cursor.triple(&COORDINATE)?),
             b"at" => self.at = Some(cursor.triple(&COORDINATE)?),
@@ -41,12 +47,19 @@ impl View {
                 cursor.number(&HITHER)?;
             }
             b"resolution" => {
-                let mut side = |name| {
-                    let word = cursor.token();
-                    cursor.parse_count(word, name, 1, ImageSettings::SIDE_MAX)
-                };
-                let (width, height) = (side("a width in pixels")?, side("a height in pixels")?);
-                self.resolution = Some((width, height));
+                let words = [cursor.token(), cursor.token()];
+                let [mut width, mut height] = [0, 0];
+                for (side, word) in [(&mut width, words[0]), (&mut height, words[1])] {
+                    match Cursor::judge(word, &SIDE) {
+                        Judged::Fits(number) if number.fract() == 0.0 => *side = number as u32,
+                        Judged::Useless => return Err(cursor.bad_number(word, &SIDE)),
+                        _ => {
+                            let what = format_args!(", expected {SIDE}, a whole number: the resolution is left out");
+                            cursor.warn(warnings, "resolution", word, what);
+                        }
+                    }
+                }
+                self.resolution = (width > 0 && height > 0).then_some((width, height));
             }
             _ => return Ok(false),
         }

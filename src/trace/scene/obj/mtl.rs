@@ -1,128 +1,296 @@
-//! MTL material libraries: their statements checked one by one, and what a material means here.
+//! MTL material libraries. Nothing in them is an error: what cannot be used is repaired or left out.
+//!
+//! No text here shows words of the file but keywords: see [`Source::read_unquoted`].
 
-use std::collections::HashSet;
+use std::fmt;
 
 use glam::DVec3;
 
-use crate::scene::cursor::{Cursor, Field, Token};
-use crate::scene::nff::COLOUR;
+use super::definition::Definition;
+use super::materials::Materials;
+use crate::scene::Warnings;
+use crate::scene::cursor::{Cursor, Field, Judged, Token};
 use crate::scene::source::Source;
-use crate::scene::{Material, SourceError};
 
-const NS: Field = Field { name: "a Phong exponent", min: 0.0, max: 1e9 };
-const NI: Field = Field { name: "an index of refraction", min: 1e-3, max: 1e6 };
+const KD: Field = Field { name: "Kd", min: 0.0, max: 1e6 };
+const KS: Field = Field { name: "Ks", min: 0.0, max: 1e6 };
+const KE: Field = Field { name: "Ke", min: 0.0, max: 1e6 };
+const NS: Field = Field { name: "Ns", min: 0.0, max: 1e9 };
 const DISSOLVE: Field = Field { name: "d", min: 0.0, max: 1.0 };
 const TRANSPARENCY: Field = Field { name: "Tr", min: 0.0, max: 1.0 };
+const NUMBER: Field = Field { name: "a number", min: f64::MIN, max: f64::MAX };
 
-/// Checks a library, adds the names of its materials, and gives back the statements that count, as `tobj`
-/// reads them well. Others, like texture maps, are left out.
-///
-/// # Errors
-/// The first mistake, with line and column.
-pub(super) fn check(source: &Source, names: &mut HashSet<String>) -> Result<String, SourceError> {
-    let mut checker = Checker { cursor: Cursor::new(source), is_within_material: false, text: String::new() };
+const READ: [&str; 9] = ["newmtl", "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum"];
+
+/// Statements without effect: keywords, the kind of their warning, and its text.
+const UNUSED: [(&[&str], &str, &str); 5] = [
+    (&["Ka"], "ambient-colour", "there is no ambient light, it is ignored"),
+    (&["Tf"], "transmission-filter", "what passes through is not coloured, it is ignored"),
+    (&["sharpness"], "sharpness", "reflections are always sharp, it is ignored"),
+    (
+        &["Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor"],
+        "physically-based",
+        "physically based materials are not drawn, it is ignored",
+    ),
+    (
+        &[
+            "map_Ka",
+            "map_Kd",
+            "map_Ks",
+            "map_Ke",
+            "map_Ns",
+            "map_Ni",
+            "map_d",
+            "map_Tr",
+            "map_Tf",
+            "map_bump",
+            "map_disp",
+            "map_refl",
+            "map_opacity",
+            "map_aat",
+            "map_Pr",
+            "map_Pm",
+            "map_Ps",
+            "bump",
+            "disp",
+            "decal",
+            "refl",
+            "norm",
+        ],
+        "texture-map",
+        "textures are not drawn, the colour alone is",
+    ),
+];
+
+/// Reads a library and adds its materials. One whose name is defined already is left out: the first library of a
+/// name counts, as the specification has it, and within a library too.
+pub(super) fn read(source: &Source, materials: &mut Materials) -> Warnings {
+    let cursor = Cursor::new(source);
+    let mut reader = Reader { source, cursor, warnings: Warnings::default(), materials, current: None };
+    reader.cursor.warn_of_stray_end(&mut reader.warnings);
     loop {
-        if let Some(keyword) = checker.cursor.token_on_line() {
-            checker.statement(keyword, names)?;
+        if let Some(keyword) = reader.cursor.token_on_line() {
+            reader.statement(keyword);
         }
-        if !checker.cursor.next_line() {
-            return Ok(checker.text);
+        if !reader.cursor.next_statement() {
+            reader.finish_material();
+            return reader.warnings;
         }
     }
 }
 
-struct Checker<'a> {
+struct Reader<'a> {
+    source: &'a Source,
     cursor: Cursor<'a>,
-    is_within_material: bool,
-    text: String,
+    warnings: Warnings,
+    materials: &'a mut Materials,
+    /// The last material that was named, and what is known of it.
+    current: Option<(Token<'a>, Definition)>,
 }
 
-impl Checker<'_> {
-    fn statement(&mut self, keyword: Token, names: &mut HashSet<String>) -> Result<(), SourceError> {
-        let is_word = |b: &u8| b.is_ascii_alphanumeric() || b"_-".contains(b);
-        let Some(name) = keyword.text().filter(|_| keyword.bytes.iter().all(is_word)) else {
-            return Err(self.cursor.error(keyword, format_args!(", expected newmtl, Kd, Ks, Ns, Ni, d, Tr or illum")));
+impl<'a> Reader<'a> {
+    fn statement(&mut self, keyword: Token<'a>) {
+        let at = keyword.at;
+        let Some(known) = known(keyword.bytes) else {
+            self.warn("unknown-keyword", at, "a word that starts no statement of MTL: its line is ignored");
+            return;
         };
-        if name == "newmtl" {
-            return self.new_material(names);
+        if known.as_bytes() != keyword.bytes {
+            self.warn("keyword-case", at, format_args!("a keyword in other letters is read as {known}"));
         }
-        let field = match name {
-            "Kd" | "Ks" => &COLOUR,
-            "Ns" => &NS,
-            "Ni" => &NI,
-            "d" => &DISSOLVE,
-            "Tr" => &TRANSPARENCY,
-            "illum" => return self.illumination_model(keyword),
-            _ => return Ok(()),
-        };
-        self.expect_material(keyword)?;
-        let (first, _) = self.cursor.number_on_line(field)?;
-        let mut numbers = vec![first];
-        if name.starts_with('K') {
-            // A colour of one component is grey.
-            let green = self.cursor.token_on_line();
-            let blue = green.map(|_| self.cursor.expected_token_on_line());
-            for word in [green, blue] {
-                let word = word.unwrap_or(first);
-                self.cursor.parse_number(word, field)?;
-                numbers.push(word);
+        if known == "newmtl" {
+            self.new_material(keyword);
+            return;
+        }
+        if self.current.is_none() {
+            self.warn(
+                "outside-material",
+                at,
+                format_args!("{known} of no material, expected newmtl before it: is ignored"),
+            );
+            return;
+        }
+        match known {
+            "Kd" => {
+                let diffuse = self.colour(keyword, known, &KD, DVec3::ONE);
+                self.set(diffuse, |definition, colour| definition.diffuse = Some(colour));
             }
+            "Ks" => {
+                let specular = self.colour(keyword, known, &KS, DVec3::ZERO);
+                self.set(specular, |definition, colour| definition.specular = colour);
+            }
+            "Ke" => {
+                let emission = self.colour(keyword, known, &KE, DVec3::ZERO);
+                self.set(emission, |definition, colour| definition.emission = colour);
+            }
+            "Ns" => {
+                let shine = self.last_number(&NS);
+                self.set(shine, |definition, shine| definition.shine = shine);
+            }
+            "Ni" => {
+                let ior = self.refractive_index();
+                self.set(ior, |definition, ior| definition.ior = Some((at, ior)));
+            }
+            "d" => {
+                let dissolve = self.dissolve();
+                self.set(dissolve, |definition, dissolve| definition.dissolve = Some(dissolve));
+            }
+            "Tr" => {
+                let transparency = self.last_number(&TRANSPARENCY);
+                self.set(transparency, |definition, tr| definition.transparency = Some((at, tr)));
+            }
+            "illum" => {
+                let model = self.illumination_model();
+                self.set(model, |definition, model| definition.model = Some((at, model)));
+            }
+            unused => self.unused(keyword, unused),
         }
-        self.put(name, &numbers);
-        self.cursor.expect_end_of_line()
     }
 
-    fn new_material(&mut self, names: &mut HashSet<String>) -> Result<(), SourceError> {
-        let word = self.cursor.rest_of_line();
-        // As `tobj` trims it.
-        match word.text().map(str::trim) {
-            Some(name) if !name.is_empty() => {
-                names.insert(name.to_owned());
-                self.is_within_material = true;
-                self.put("newmtl", &[word]);
-                Ok(())
-            }
-            _ => Err(self.cursor.error(word, format_args!(", expected a material's name"))),
+    fn new_material(&mut self, keyword: Token<'a>) {
+        self.finish_material();
+        let name = self.cursor.rest_of_line();
+        if name.bytes.is_empty() {
+            self.warn("nameless-material", keyword.at, "newmtl without a name, expected a material's: it is left out");
+        } else if self.materials.is_defined(name) {
+            self.warn(
+                "material-defined-twice",
+                keyword.at,
+                "newmtl of a name that is defined already: the first counts",
+            );
+        }
+        self.current = Some((name, Definition::default()));
+    }
+
+    fn finish_material(&mut self) {
+        let Some((name, definition)) = self.current.take() else { return };
+        let (source, warnings) = (self.source, &mut self.warnings);
+        let material =
+            definition.material(|kind, at, what| warnings.add(&source.file, kind, || source.error(at, what)));
+        if !name.bytes.is_empty() && !self.materials.is_defined(name) {
+            self.materials.define(name, material);
         }
     }
 
-    fn illumination_model(&mut self, keyword: Token) -> Result<(), SourceError> {
-        self.expect_material(keyword)?;
+    fn set<T>(&mut self, value: Option<T>, set: impl FnOnce(&mut Definition, T)) {
+        if let (Some(value), Some((_, definition))) = (value, &mut self.current) {
+            set(definition, value);
+        }
+    }
+
+    /// Three components, or one for a grey. `instead` is for colours in forms that are not read.
+    fn colour(&mut self, keyword: Token, known: &'static str, field: &Field, instead: DVec3) -> Option<DVec3> {
+        let first = self.cursor.expected_token_on_line();
+        if matches!(first.bytes, b"spectral" | b"xyz") {
+            let colour = if instead == DVec3::ONE { "white" } else { "black" };
+            let what =
+                format_args!("{known} as a spectrum or in CIE XYZ, expected red, green and blue: {colour} is used");
+            self.warn("colour-form", keyword.at, what);
+            return Some(instead);
+        }
+        let red = self.number(first, field)?;
+        let Some(green) = self.cursor.token_on_line() else { return Some(DVec3::splat(red)) };
+        let green = self.number(green, field)?;
+        Some(DVec3::new(red, green, self.last_number(field)?))
+    }
+
+    fn dissolve(&mut self) -> Option<f64> {
+        let mut word = self.cursor.expected_token_on_line();
+        if word.bytes == b"-halo" {
+            self.warn("halo", word.at, "-halo: d does not depend on the direction, its number alone is used");
+            word = self.cursor.expected_token_on_line();
+        }
+        let dissolve = self.number(word, &DISSOLVE);
+        self.end_of_statement();
+        dissolve
+    }
+
+    /// Any number: its range counts where it is used.
+    fn refractive_index(&mut self) -> Option<f64> {
         let word = self.cursor.expected_token_on_line();
-        self.cursor.parse_count(word, "an illumination model", 0, 10)?;
-        self.put("illum", &[word]);
-        self.cursor.expect_end_of_line()
+        let ior = match Cursor::judge(word, &Definition::IOR) {
+            Judged::Fits(ior) | Judged::OutOfRange(ior) => Some(ior),
+            // With a warning.
+            Judged::Useless => self.number(word, &Definition::IOR),
+        };
+        self.end_of_statement();
+        ior
     }
 
-    fn expect_material(&self, keyword: Token) -> Result<(), SourceError> {
-        if self.is_within_material {
-            return Ok(());
+    fn illumination_model(&mut self) -> Option<u8> {
+        const MODEL: Field = Field { name: "an illumination model", min: 0.0, max: 10.0 };
+        let word = self.cursor.expected_token_on_line();
+        let (model, is_odd) = match Cursor::judge(word, &MODEL) {
+            Judged::Fits(number) => (number.round() as u8, word.bytes.iter().any(|b| !b.is_ascii_digit())),
+            Judged::OutOfRange(_) => (Definition::MODEL, true),
+            // With a warning.
+            Judged::Useless => return self.number(word, &MODEL).map(|_| Definition::MODEL),
+        };
+        if is_odd {
+            let what = format_args!(
+                "an illumination model of odd form, expected a whole number from 0 to 10: {model} is used"
+            );
+            self.warn("illumination-model", word.at, what);
         }
-        Err(self.cursor.error(keyword, format_args!(" of no material, expected newmtl before it")))
+        self.end_of_statement();
+        Some(model)
     }
 
-    fn put(&mut self, keyword: &str, words: &[Token]) {
-        self.text.push_str(keyword);
-        for word in words {
-            self.text.push(' ');
-            self.text.push_str(word.text().unwrap_or_default());
+    fn unused(&mut self, keyword: Token, known: &'static str) {
+        // What a colour is that would change nothing if it were drawn.
+        let neutral = match known {
+            "Ka" => Some(0.0),
+            "Tf" => Some(1.0),
+            _ => None,
+        };
+        if let Some(neutral) = neutral {
+            let is_neutral = |word| Cursor::judge(word, &NUMBER) == Judged::Fits(neutral);
+            if self.cursor.token_on_line().is_some_and(is_neutral)
+                && std::iter::from_fn(|| self.cursor.token_on_line()).all(is_neutral)
+            {
+                return;
+            }
         }
-        self.text.push('\n');
+        if let Some((_, kind, text)) = UNUSED.iter().find(|(keywords, ..)| keywords.contains(&known)) {
+            self.warn(kind, keyword.at, format_args!("{known}: {text}"));
+        }
+    }
+
+    /// The next word as a number; nothing may follow it.
+    fn last_number(&mut self, field: &Field) -> Option<f64> {
+        let word = self.cursor.expected_token_on_line();
+        let number = self.number(word, field);
+        self.end_of_statement();
+        number
+    }
+
+    /// A word as a number, clamped; `None`, with a warning, for what is none.
+    fn number(&mut self, word: Token, field: &Field) -> Option<f64> {
+        let number = self.cursor.clamp_number(word, field, &mut self.warnings);
+        if number.is_none() {
+            self.warnings.add(&self.source.file, "bad-number", || {
+                let mut error = self.cursor.bad_number(word, field);
+                error.what.push_str(": the statement is left out");
+                error
+            });
+        }
+        number
+    }
+
+    fn end_of_statement(&mut self) {
+        if let Some(more) = self.cursor.token_on_line() {
+            self.warn("extra-words", more.at, "a word too many, expected the end of the line: is ignored");
+        }
+    }
+
+    fn warn(&mut self, kind: &'static str, at: usize, what: impl fmt::Display) {
+        self.warnings.add(&self.source.file, kind, || self.source.error(at, what.to_string()));
     }
 }
 
-/// Illumination models 0 and 1 have no highlight, 2 has one, those above reflect as well. Without one: 2.
-pub(super) fn material(mtl: &tobj::Material) -> Material {
-    let model = mtl.illumination_model.unwrap_or(2);
-    let specular = mtl.specular.map_or(DVec3::ZERO, DVec3::from);
-    let transparency = mtl.unknown_param.get("Tr").and_then(|tr| tr.parse().ok()).unwrap_or(0.0);
-    Material {
-        diffuse: mtl.diffuse.map_or(Material::WHITE.diffuse, DVec3::from),
-        highlight: if model >= 2 { specular } else { DVec3::ZERO },
-        reflection: if model >= 3 { specular } else { DVec3::ZERO },
-        shine: mtl.shininess.unwrap_or(Material::WHITE.shine),
-        transmittance: mtl.dissolve.map_or(transparency, |dissolve| 1.0 - dissolve),
-        ior: mtl.optical_density.unwrap_or(Material::WHITE.ior),
-        ..Material::WHITE
-    }
+/// The keyword that a word is, or is but for upper and lower case.
+fn known(word: &[u8]) -> Option<&'static str> {
+    let all = || READ.iter().chain(UNUSED.iter().flat_map(|(keywords, ..)| *keywords));
+    let exact = all().find(|keyword| keyword.as_bytes() == word);
+    exact.or_else(|| all().find(|keyword| keyword.as_bytes().eq_ignore_ascii_case(word))).copied()
 }

@@ -2,7 +2,7 @@
 //! wave's shadow rays light by light. Radiance is summed per surface in the order of the single-ray kernel, so that its
 //! bits are the same.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::branching::Branching;
 use super::lighting::light;
@@ -39,7 +39,7 @@ impl<'a> BatchTracer<'a> {
         Self {
             tracer: PacketTracer::new(bvh, database, simd),
             camera: PrimaryRays::new(header, view),
-            illumination: Illumination::new(view, &header.normalisation),
+            illumination: Illumination::new(view, header),
             waves: Vec::new(),
             primitives: Vec::new(),
             surfaces: Surfaces::default(),
@@ -111,10 +111,10 @@ impl<'a> BatchTracer<'a> {
         let (wave, next) = (&mut before[number], &mut after[0]);
         let surfaces = &mut self.surfaces;
         let (simd, slices) = (self.tracer.simd, self.tracer.slices);
-        surfaces.take(&self.primitives, &slices);
+        surfaces.take(&self.primitives, &slices, self.illumination.is_terminator_soft);
         simd.run(PlaceSurfaces { surfaces, rays: &wave.rays, slices: &slices });
-        let lights = &self.illumination.lights;
-        stats.rays[RayKind::Shadow as usize] += simd.run(Light { surfaces, lights, tracer: &mut self.tracer });
+        let illumination = &self.illumination;
+        stats.rays[RayKind::Shadow as usize] += simd.run(Light { surfaces, illumination, tracer: &mut self.tracer });
         wave.radiance.clear();
         wave.radiance.resize(wave.rays.len(), self.illumination.background);
         for (at, &ray) in surfaces.ray.iter().enumerate() {
@@ -159,7 +159,7 @@ impl Task for PlaceSurfaces<'_, '_> {
 
 struct Light<'t, 'a> {
     surfaces: &'t mut Surfaces,
-    lights: &'t [(DVec3, Vec3)],
+    illumination: &'t Illumination,
     tracer: &'t mut PacketTracer<'a>,
 }
 
@@ -168,7 +168,6 @@ impl Task for Light<'_, '_> {
 
     #[inline(always)]
     fn run<R: Registers>(self) -> u64 {
-        let PacketTracer { bvh, slices, packet, scratch, .. } = self.tracer;
-        light::<R>(self.surfaces, self.lights, bvh, slices, packet, scratch)
+        light::<R>(self.surfaces, self.illumination, self.tracer)
     }
 }

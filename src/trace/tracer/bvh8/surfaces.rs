@@ -4,12 +4,12 @@
 use glam::DVec3;
 
 use super::packet::{LANES, NONE};
-use crate::database::records::{Material, Surface};
+use crate::database::records::{LightTerms, Material, Normals};
 use crate::tracer::hit::SurfacePoint;
-use crate::tracer::optics::{facing, mirrored, smooth};
+use crate::tracer::optics::{facing, mirrored, rounded, smooth, tint};
 use crate::tracer::primitives::triangle::{TriangleHit, point_and_normal};
 use crate::tracer::ray::{Ray, Source};
-use crate::tracer::shade::shading_normal;
+use crate::tracer::shade::Corners;
 use crate::tracer::simd::Registers;
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::slices::Slices;
@@ -28,6 +28,8 @@ pub(super) struct Surfaces {
     pub material: Vec<u32>,
     pub source: Vec<Source>,
     pub position: [Vec<f64>; 3],
+    /// Where rays to lights leave with a soft terminator; empty with a hard one.
+    pub rounded: [Vec<f64>; 3],
     /// Unit geometric normal, outward.
     pub outward: [Vec<f64>; 3],
     /// Unit shading normal, turned to where the ray comes from.
@@ -42,7 +44,7 @@ pub(super) struct Surfaces {
 
 impl Surfaces {
     /// Takes the rays that hit something.
-    pub(super) fn take(&mut self, primitives: &[u32], slices: &Slices<'_>) {
+    pub(super) fn take(&mut self, primitives: &[u32], slices: &Slices<'_>, is_terminator_soft: bool) {
         self.ray.clear();
         self.primitive.clear();
         self.material.clear();
@@ -63,6 +65,9 @@ impl Surfaces {
         for rows in [&mut self.diffuse, &mut self.highlight, &mut self.radiance] {
             rows.iter_mut().for_each(|row| row.resize(padded, 0.0));
         }
+        if is_terminator_soft {
+            self.rounded.iter_mut().for_each(|row| row.resize(padded, 0.0));
+        }
         self.radiance.iter_mut().for_each(|row| row.fill(0.0));
         self.shine.resize(padded, 0.0);
         for at in 0..self.count {
@@ -72,6 +77,12 @@ impl Surfaces {
                 self.highlight[channel][at] = material.highlight[channel];
             }
             self.shine[at] = material.shine;
+            if material.has_light_terms() {
+                let terms = LightTerms::from(slices.materials[self.material[at] as usize + 1]);
+                for channel in 0..3 {
+                    self.radiance[channel][at] = terms.emission[channel];
+                }
+            }
         }
     }
 
@@ -110,13 +121,41 @@ impl Surfaces {
         let Some(hit) = slices.hit(ray, self.primitive[at]) else { unreachable!("what was found to be hit is hit") };
         let point = hit.surface_point(ray);
         let surface = slices.surfaces[self.primitive[at] as usize];
-        let Ok(normal) = shading_normal(&mut { *slices }, &hit, &point, surface);
+        let Ok(corners) = Corners::read(&mut { *slices }, &hit, surface);
+        let normal = corners.normal(&hit, &point);
+        let diffuse = corners.tinted(&hit, slices.materials[surface.material as usize].diffuse);
         self.source[at] = point.source;
         for axis in 0..3 {
             self.position[axis][at] = point.position[axis];
             self.outward[axis][at] = point.normal[axis];
             self.normal[axis][at] = normal[axis];
+            self.diffuse[axis][at] = diffuse[axis];
         }
+        if !self.rounded[0].is_empty() {
+            let facing = facing(normal.to_array(), ray.direction_f64().to_array());
+            let rounded = corners.rounded(&hit, &point, facing.into());
+            for axis in 0..3 {
+                self.rounded[axis][at] = rounded[axis];
+            }
+        }
+    }
+
+    /// Multiplies the diffuse colours of some lanes from `first` on.
+    #[inline(always)]
+    fn tint<L: Doubles>(&mut self, first: usize, lanes: u32, tint: V3<L>) {
+        for (diffuse, tint) in self.diffuse.iter_mut().zip(tint) {
+            let mut rounded = [0.0; DOUBLES];
+            tint.narrow(&mut rounded);
+            for (lane, (diffuse, by)) in diffuse[first..first + DOUBLES].iter_mut().zip(rounded).enumerate() {
+                *diffuse *= if lanes >> lane & 1 == 1 { by } else { 1.0 };
+            }
+        }
+    }
+
+    /// Where rays to lights leave.
+    #[inline(always)]
+    pub(super) fn leaving(&self) -> &[Vec<f64>; 3] {
+        if self.rounded[0].is_empty() { &self.position } else { &self.rounded }
     }
 }
 
@@ -128,8 +167,11 @@ struct Chunk {
     normals: [[[f32; DOUBLES]; 3]; 3],
     origin: [[f32; DOUBLES]; 3],
     direction: [[f32; DOUBLES]; 3],
+    colours: [[[f32; DOUBLES]; 3]; 3],
     /// Lanes whose triangle has vertex normals.
     smooth: u32,
+    /// Lanes whose triangle has colours at its corners.
+    coloured: u32,
 }
 
 impl Chunk {
@@ -145,6 +187,7 @@ impl Chunk {
     ) -> u32 {
         let mut in_triangles = 0;
         self.smooth = 0;
+        self.coloured = 0;
         for lane in 0..lanes {
             let ray = &rays[surfaces.ray[first + lane] as usize];
             for axis in 0..3 {
@@ -160,15 +203,14 @@ impl Chunk {
                     self.corners[axis][vertex][lane] = triangle.coordinates[axis][vertex];
                 }
             }
-            let normals = slices.surfaces[id as usize].normals;
-            if normals != Surface::FLAT {
+            let surface = slices.surfaces[id as usize];
+            if let Some(index) = surface.normals() {
                 self.smooth |= 1 << lane;
-                let normals = &slices.normals[normals as usize].0;
-                for vertex in 0..3 {
-                    for axis in 0..3 {
-                        self.normals[vertex][axis][lane] = normals[vertex][axis];
-                    }
-                }
+                gather_corners(&slices.normals[index as usize], lane, &mut self.normals);
+            }
+            if let Some(index) = surface.colours() {
+                self.coloured |= 1 << lane;
+                gather_corners(&slices.normals[index as usize], lane, &mut self.colours);
             }
         }
         in_triangles
@@ -184,10 +226,22 @@ impl Chunk {
         let vertices = [[x[0], y[0], z[0]], [x[1], y[1], z[1]], [x[2], y[2], z[2]]];
         let (position, outward) = point_and_normal(vertices, weights);
         let mut normal = outward;
+        let normals = || [widen::<L>(&self.normals[0]), widen::<L>(&self.normals[1]), widen::<L>(&self.normals[2])];
         if self.smooth != 0 {
-            let [a, b, c] = &self.normals;
-            let smoothed = smooth([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights, outward);
-            normal = select(self.smooth, smoothed, outward);
+            normal = select(self.smooth, smooth(normals(), weights, outward), outward);
+        }
+        if self.coloured & decided != 0 {
+            let [a, b, c] = &self.colours;
+            let tint = tint([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights);
+            surfaces.tint(first, self.coloured & decided, tint);
+        }
+        if !surfaces.rounded[0].is_empty() {
+            let mut from = position;
+            if self.smooth != 0 {
+                let shading = facing(normal, direction);
+                from = select(self.smooth, rounded(position, vertices, normals(), weights, shading), position);
+            }
+            store(from, &mut surfaces.rounded, first);
         }
         store(position, &mut surfaces.position, first);
         store(outward, &mut surfaces.outward, first);
@@ -202,6 +256,16 @@ impl Chunk {
         let normal = facing::<L>(load(&surfaces.normal, first), incoming);
         store(normal, &mut surfaces.normal, first);
         store(mirrored(incoming, normal), &mut surfaces.mirrored, first);
+    }
+}
+
+/// The vectors at the corners of a triangle, by corner, then axis.
+#[inline(always)]
+fn gather_corners(of: &Normals, lane: usize, to: &mut [[[f32; DOUBLES]; 3]; 3]) {
+    for (vectors, to) in of.0.iter().zip(to) {
+        for (number, to) in vectors.iter().zip(to) {
+            to[lane] = *number;
+        }
     }
 }
 
