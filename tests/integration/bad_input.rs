@@ -59,33 +59,22 @@ const CASES: &[Case] = &[
         &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 180\nhither 1\nresolution 8 8\n")],
         &["render", "bad.nff"],
     ),
-    (
-        "nff: resolution",
-        &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 0 99999999\n")],
-        &["render", "bad.nff"],
-    ),
     nff!("nff: unknown entity", "q 1 2 3\n"),
     nff!("nff: not a number", "s 0 zero 0 1\n"),
     nff!("nff: NaN", "s 0 nan 0 1\n"),
     nff!("nff: infinite", "s 0 0 inf 1\n"),
     nff!("nff: overflowing number", "s 0 0 1e999 1\n"),
     nff!("nff: out of range", "s 1e38 0 0 1\n"),
-    nff!("nff: sphere without radius", "s 0 0 0 0\n"),
-    nff!("nff: polygon of two vertices", "p 2\n0 0 0\n1 0 0\n"),
     nff!("nff: polygon of four billion vertices", "p 4294967295\n0 0 0\n"),
     nff!("nff: polygon cut short", "p 3\n0 0 0\n1 0 0\n1"),
-    nff!("nff: normal of length zero", "pp 3\n0 0 0 0 0 0\n1 0 0 0 0 1\n0 1 0 0 0 1\n"),
-    nff!("nff: negative diffuse", "f 1 1 1 -1 0 1 0 1\n"),
-    nff!("nff: transmittance above one", "f 1 1 1 1 0 1 1.5 1\n"),
-    nff!("nff: glass without an index", "f 1 1 1 1 0 1 0.5 0\n"),
     nff!("nff: cone cut short", "c 0 0 0 1 0 0"),
     obj!("obj: vertex with two numbers", "v 1 2\n"),
     obj!("obj: not a number", "v 1 2 x\n"),
     obj!("obj: NaN", "v 1 2 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
     obj!("obj: face of an absent vertex", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"),
+    obj!("obj: weight zero", "v 1 2 3 0\n"),
+    obj!("obj: coordinate without a value", "v 1 2 -1.#IND\n"),
     obj!("obj: face of vertex zero", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n"),
-    obj!("obj: face of two vertices", "v 0 0 0\nv 1 0 0\nf 1 2\n"),
-    obj!("obj: absent material file", "mtllib absent.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
     ("topology: no such file", &[], &["run", "absent.toml"]),
     topology!("topology: not TOML", "[scene\n"),
     topology!("topology: no scene", "[cluster]\nnodes = 2\n"),
@@ -181,6 +170,49 @@ const CASES: &[Case] = &[
     ("command line: closed meshes elsewhere", &[], &["verify", "--watertight", "--translate", "1e6"]),
     ("command line: a scene that overflows", &[], &["verify", "gears", "--scale", "1e308"]),
 ];
+
+/// What cannot change the geometry: docs/scenes.md has the table of repairs.
+const REPAIRED: &[Case] = &[
+    nff!("nff: sphere without radius", "s 0 0 0 0\n"),
+    nff!("nff: polygon of two vertices", "p 2\n0 0 0\n1 0 0\n"),
+    nff!("nff: normal of length zero", "pp 3\n0 0 0 0 0 0\n1 0 0 0 0 1\n0 1 0 0 0 1\n"),
+    nff!("nff: negative diffuse", "f 1 1 1 -1 0 1 0 1\n"),
+    nff!("nff: transmittance above one", "f 1 1 1 1 0 1 1.5 1\n"),
+    nff!("nff: glass without an index", "f 1 1 1 1 0 1 0.5 0\n"),
+    obj!("obj: face of two vertices", "v 0 0 0\nv 1 0 0\nf 1 2\n"),
+    obj!("obj: absent material file", "mtllib absent.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    (
+        "nff: resolution",
+        &[("bad.nff", b"v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 0 99999999\n")],
+        &["render", "bad.nff"],
+    ),
+    obj!("obj: no such material", "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wood\nf 1 2 3\n"),
+    obj!("obj: unknown statement", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvw 1 2 3\nf 1 2 3\n"),
+    obj!("obj: normals that are not there", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2/2/2 3/3/3\n"),
+    (
+        "mtl: values out of range",
+        &[
+            ("bad.obj", b"mtllib BAD.MTL\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nusemtl a\r\nf 1 2 3\r\n\x1a"),
+            ("bad.mtl", b"Ka 1 1 1\nnewmtl a\nKd 1 0 0 1\nNi 0\nd 1.5\nillum 2.0\nNs -1\nmap_Kd a.png\n"),
+        ],
+        &["render", "bad.obj"],
+    ),
+];
+
+#[test]
+fn what_cannot_change_the_geometry_is_repaired_and_rendered() {
+    for (name, files, arguments) in REPAIRED {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        for (path, content) in *files {
+            std::fs::write(folder.path().join(path), content).expect("writable folder");
+        }
+        let mut command = marti();
+        command.current_dir(folder.path()).args(*arguments).args(["--size", "8x8", "-o", "out.png"]);
+        let output = command.output().expect("marti can be started");
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
+        assert!(folder.path().join("out.png").is_file(), "{name} has no image");
+    }
+}
 
 #[test]
 fn every_bad_input_gets_a_clear_error_and_exit_2() {

@@ -3,22 +3,34 @@
 //!
 //! `/healthz` answers 200 when the process does its work and 503 before; `/metrics` is Prometheus' text format.
 
+use std::convert::Infallible;
 use std::fmt::Write;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 use std::{future, io, thread};
 
-use axum::Router;
-use axum::extract::State;
-use axum::http::{StatusCode, header};
-use axum::response::IntoResponse;
-use axum::routing::get;
-use tokio::net::TcpListener;
-use tokio::sync::watch;
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{CONTENT_TYPE, HeaderValue};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::TokioIo;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, watch};
+use tokio::time::{sleep, timeout};
 
 use super::event_queue::event_queue;
 
-/// Whoever asks is from this host, and asks rarely.
+/// Connections that are served at a time; more wait in the system's queue.
+const CONNECTIONS_MAX: usize = 16;
+/// For a request and its answer. Each connection has one.
+const REQUEST_DEADLINE: Duration = if cfg!(test) { Duration::from_millis(300) } else { Duration::from_secs(5) };
+/// Until the next try, when a connection cannot be accepted.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Why health cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum HealthError {
     #[error("--health {0} is not an address of this host alone, expected one such as 127.0.0.1:9464")]
@@ -27,7 +39,7 @@ pub enum HealthError {
     Bind { address: SocketAddr, error: io::Error },
 }
 
-/// What is told.
+/// What is reported.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Health {
     pub ready: bool,
@@ -48,7 +60,7 @@ pub struct Metric {
     pub name: &'static str,
     pub help: &'static str,
     pub kind: Kind,
-    /// Label names and values; metrics of one name stand together.
+    /// Label names and values; metrics of one name are adjacent.
     pub labels: Vec<(&'static str, String)>,
     pub value: f64,
 }
@@ -69,7 +81,7 @@ impl Metric {
     }
 }
 
-/// Answers until the runtime ends; what is sent last is what is told.
+/// Answers until the runtime ends, with what was sent last.
 ///
 /// # Errors
 /// The address is not of this host alone, or cannot be bound.
@@ -79,10 +91,8 @@ pub async fn serve(address: SocketAddr) -> Result<watch::Sender<Health>, HealthE
     }
     let listener = TcpListener::bind(address).await.map_err(|error| HealthError::Bind { address, error })?;
     let (sender, receiver) = watch::channel(Health::default());
-    let router =
-        Router::new().route("/healthz", get(healthz)).route("/metrics", get(metrics)).with_state(Arc::new(receiver));
-    // Ends with the runtime; an error of accepting is retried within.
-    tokio::spawn(async move { drop(axum::serve(listener, router).await) });
+    // Ends with the runtime.
+    tokio::spawn(accept(listener, receiver));
     Ok(sender)
 }
 
@@ -99,14 +109,48 @@ pub(super) fn serve_aside(address: SocketAddr) -> Result<watch::Sender<Health>, 
     Ok(sender)
 }
 
-type Receiver = State<Arc<watch::Receiver<Health>>>;
-
-async fn healthz(State(health): Receiver) -> impl IntoResponse {
-    if health.borrow().ready { (StatusCode::OK, "ready\n") } else { (StatusCode::SERVICE_UNAVAILABLE, "starting\n") }
+/// Accepts for ever; clients that send nothing, or read nothing, take a place for [`REQUEST_DEADLINE`] at most.
+async fn accept(listener: TcpListener, health: watch::Receiver<Health>) {
+    let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let health = health.clone();
+                tokio::spawn(async move {
+                    let _ = timeout(REQUEST_DEADLINE, answer_one(stream, health)).await;
+                    drop(place);
+                });
+            }
+            // No descriptors are left, or the client is gone already.
+            Err(_) => sleep(ACCEPT_PAUSE).await,
+        }
+    }
 }
 
-async fn metrics(State(health): Receiver) -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text(&health.borrow().metrics))
+async fn answer_one(stream: TcpStream, health: watch::Receiver<Health>) -> Result<(), hyper::Error> {
+    let service = service_fn(|request| future::ready(Ok::<_, Infallible>(answer(&request, &health.borrow()))));
+    http1::Builder::new().keep_alive(false).serve_connection(TokioIo::new(stream), service).await
+}
+
+fn answer(request: &Request<Incoming>, health: &Health) -> Response<Full<Bytes>> {
+    let with = |status, body: String| {
+        let mut response = Response::new(Full::from(body));
+        *response.status_mut() = status;
+        response
+    };
+    match (request.method(), request.uri().path()) {
+        (&Method::GET | &Method::HEAD, "/healthz") if health.ready => with(StatusCode::OK, "ready\n".to_owned()),
+        (&Method::GET | &Method::HEAD, "/healthz") => with(StatusCode::SERVICE_UNAVAILABLE, "starting\n".to_owned()),
+        (&Method::GET | &Method::HEAD, "/metrics") => {
+            let mut response = with(StatusCode::OK, text(&health.metrics));
+            let text = HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8");
+            response.headers_mut().insert(CONTENT_TYPE, text);
+            response
+        }
+        (_, "/healthz" | "/metrics") => with(StatusCode::METHOD_NOT_ALLOWED, "expected GET\n".to_owned()),
+        _ => with(StatusCode::NOT_FOUND, "expected /healthz or /metrics\n".to_owned()),
+    }
 }
 
 /// Each name is described once, before its first value.
@@ -169,6 +213,20 @@ mod tests {
         assert!(answer.ends_with(expected), "{answer}");
         assert!(answer.contains("text/plain; version=0.0.4"), "{answer}");
         assert!(ask(address, "/else").await.starts_with("HTTP/1.1 404"));
+    }
+
+    /// Clients that connect and send nothing, more than are served at a time, are ended; then others are answered.
+    #[tokio::test]
+    async fn clients_that_send_nothing_are_ended() {
+        let address = TcpListener::bind("127.0.0.1:0").await.expect("loopback").local_addr().expect("bound");
+        let _health = serve(address).await.expect("free");
+        let mut silent = Vec::new();
+        for _ in 0..2 * CONNECTIONS_MAX {
+            silent.push(TcpStream::connect(address).await.expect("it listens"));
+        }
+        assert!(ask(address, "/healthz").await.starts_with("HTTP/1.1 503"));
+        let mut nothing = [0; 1];
+        assert_eq!(silent[0].read(&mut nothing).await.expect("an end"), 0);
     }
 
     #[tokio::test]

@@ -11,6 +11,7 @@ mod mtl;
 mod reader;
 mod smoothing;
 mod statements;
+mod vertex;
 
 use std::path::Path;
 

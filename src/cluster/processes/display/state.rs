@@ -171,6 +171,12 @@ fn serve(
     let event = match event {
         Event::Listening(address) => return actions.push(Action::Report(DisplayReport::Listening(address))),
         Event::Accepted(id, PeerId { role: Role::Node(node), epoch }) => {
+            // A process that dials again has given up its earlier connection.
+            let earlier = peers.iter().find(|(_, source)| **source == (node, epoch)).map(|(&earlier, _)| earlier);
+            if let Some(earlier) = earlier {
+                peers.remove(&earlier);
+                actions.push(Action::Close(earlier));
+            }
             peers.insert(id, (node, epoch));
             return;
         }

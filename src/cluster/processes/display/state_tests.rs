@@ -96,6 +96,16 @@ fn totals() -> DisplayTotals {
 }
 
 #[test]
+fn a_process_has_one_connection_and_its_last_one_counts() {
+    let mut state = serving();
+    let peer = PeerId { role: Role::Node(NodeId(3)), epoch: Epoch(0) };
+    assert!(matches!(&handle(&mut state, Event::Accepted(OTHER, peer))[..], [Action::Close(NODE)]));
+    assert!(handle(&mut state, tile(NODE, 1, 0.5)).is_empty(), "what was under way on the earlier one counts no more");
+    let actions = handle(&mut state, tile(OTHER, 1, 0.5));
+    assert!(matches!(&actions[..], [Action::Task(Task::Append(_)), Action::Send(OTHER, _)]));
+}
+
+#[test]
 fn a_tile_is_in_the_journal_before_it_is_acknowledged() {
     let mut state = serving();
     let actions = handle(&mut state, tile(NODE, 1, 0.5));

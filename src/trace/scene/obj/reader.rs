@@ -8,14 +8,12 @@ use super::libraries::{Libraries, Spelling};
 use super::materials::Uses;
 use super::smoothing::Smoothing;
 use super::statements;
+use super::vertex::Vertex;
 use crate::picture::Terminator;
-use crate::scene::cursor::{Cursor, Field, Judged, Token};
-use crate::scene::nff::{COORDINATE, NORMAL};
+use crate::scene::cursor::{Cursor, Judged, Token};
+use crate::scene::nff::NORMAL;
 use crate::scene::source::Source;
 use crate::scene::{Material, Polygon, Scene, SourceError};
-
-const WEIGHT: Field = Field { name: "a weight", min: -1e30, max: 1e30 };
-const COLOUR: Field = Field { name: "a vertex's colour", min: 0.0, max: 1.0 };
 
 /// Reads a whole file, and through `read_library` the libraries that it names.
 ///
@@ -124,78 +122,13 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
     }
 
     fn vertex(&mut self) -> Result<(), SourceError> {
-        let mut next = || self.cursor.number_on_line(&COORDINATE);
-        let mut position = DVec3::new(next()?, next()?, next()?);
-        let mut others = [Token { at: 0, bytes: &[] }; 5];
-        let mut count = 0;
-        while let Some(word) = self.cursor.token_on_line() {
-            if let Some(place) = others.get_mut(count) {
-                *place = word;
-            }
-            count += 1;
-        }
-        match count {
-            0 => {}
-            1 => position = self.weighted(position, others[0])?,
-            2 => {
-                let what = format_args!(
-                    " and another word after the coordinates, expected a weight or a colour: both are ignored"
-                );
-                self.warn("odd-vertex", others[0], what);
-            }
-            _ => self.vertex_colour(&others[..count.min(5)]),
+        let Vertex { position, colour } = Vertex::read(&mut self.cursor, &mut self.scene.warnings)?;
+        if colour.is_some() {
+            self.colours.resize(self.positions.len(), None);
+            self.colours.push(colour);
         }
         self.positions.push(position);
         Ok(())
-    }
-
-    fn weighted(&self, position: DVec3, word: Token) -> Result<DVec3, SourceError> {
-        let weight = self.cursor.parse_number(word, &WEIGHT)?;
-        let position = position / weight;
-        // Not so where the weight is 0.
-        if position.abs().max_element() <= COORDINATE.max {
-            return Ok(position);
-        }
-        let what = format_args!(
-            " is a weight that the coordinates cannot be divided by, expected one that leaves {COORDINATE}"
-        );
-        Err(self.cursor.error(word, what))
-    }
-
-    /// Three words are red, green and blue; a fourth is alpha.
-    fn vertex_colour(&mut self, words: &[Token<'a>]) {
-        let mut colour = DVec3::ZERO;
-        for (component, &word) in colour.as_mut().iter_mut().zip(words) {
-            *component = match Cursor::judge(word, &COLOUR) {
-                Judged::Fits(number) => number,
-                Judged::OutOfRange(number) => {
-                    let bytes = if number > 1.0 && number <= 255.0 {
-                        "; colours from 0 to 255 have to be divided by 255"
-                    } else {
-                        ""
-                    };
-                    let what = format_args!(" is out of range, expected {COLOUR}: it is clamped{bytes}");
-                    self.warn("vertex-colour", word, what);
-                    number.clamp(COLOUR.min, COLOUR.max)
-                }
-                Judged::Useless => {
-                    let what = format_args!(" is not a number, expected {COLOUR}: the vertex has none");
-                    self.warn("vertex-colour", word, what);
-                    return;
-                }
-            };
-        }
-        match words {
-            [_, _, _, alpha] => self.warn("vertex-alpha", *alpha, format_args!(" is a vertex's alpha: it is left out")),
-            [_, _, _, _, more] => self.warn(
-                "odd-vertex",
-                *more,
-                format_args!(" after a vertex's colour, expected the end of the line: is ignored"),
-            ),
-            _ => {}
-        }
-        self.colours.resize(self.positions.len(), None);
-        self.colours.push(Some(colour));
     }
 
     fn normal(&mut self, keyword: Token<'a>) {
