@@ -39,7 +39,7 @@ impl Source {
         if bytes.len() as u64 > bytes_max {
             return Err(too_large(bytes.len() as u64));
         }
-        Ok(Self { file: file.to_owned(), bytes, is_quoted: true })
+        Ok(Self { file: file.to_owned(), bytes: as_utf8(bytes), is_quoted: true })
     }
 
     /// [`Self::read`] of a file that another file names. Errors say where its mistakes are, and show none of its words:
@@ -70,8 +70,20 @@ impl Source {
 impl Source {
     /// What `file` is named in errors; nothing is read.
     pub fn from_bytes(file: &str, bytes: impl Into<Vec<u8>>) -> Self {
-        Self { file: PathBuf::from(file), bytes: bytes.into(), is_quoted: true }
+        Self { file: PathBuf::from(file), bytes: as_utf8(bytes.into()), is_quoted: true }
     }
+}
+
+/// What begins with a byte-order mark of UTF-16 is UTF-16; other bytes are left as they are.
+fn as_utf8(bytes: Vec<u8>) -> Vec<u8> {
+    let unit: fn([u8; 2]) -> u16 = match bytes.first_chunk() {
+        Some(b"\xff\xfe") => u16::from_le_bytes,
+        Some(b"\xfe\xff") => u16::from_be_bytes,
+        _ => return bytes,
+    };
+    let units = bytes[2..].as_chunks().0.iter().map(|&pair| unit(pair));
+    let characters = char::decode_utf16(units).map(|character| character.unwrap_or(char::REPLACEMENT_CHARACTER));
+    characters.collect::<String>().into_bytes()
 }
 
 #[cfg(test)]
@@ -92,6 +104,20 @@ mod tests {
         let source = Source::from_bytes("x", "a\rb\r\nc\r\rd");
         let places: Vec<_> = [0, 1, 2, 3, 4, 5, 8].map(|at| source.error(at, "").place.expect("a place")).into();
         assert_eq!(places, [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (5, 1)], "CR, CR LF, CR, CR");
+    }
+
+    #[test]
+    fn utf_16_is_read_in_both_orders() {
+        let text = "v 1 2\nusemtl Größe 🦀\n";
+        for to_bytes in [u16::to_le_bytes, u16::to_be_bytes] {
+            let units = ['\u{feff}'].into_iter().chain(text.chars()).collect::<String>();
+            let mut bytes: Vec<u8> = units.encode_utf16().flat_map(to_bytes).collect();
+            assert_eq!(Source::from_bytes("x", bytes.clone()).bytes, text.as_bytes());
+            // Half a surrogate pair, and half a unit.
+            bytes.extend(to_bytes(0xd800));
+            bytes.push(b'x');
+            assert_eq!(Source::from_bytes("x", bytes).bytes, format!("{text}\u{fffd}").as_bytes());
+        }
     }
 
     #[test]

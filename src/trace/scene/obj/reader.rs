@@ -23,15 +23,13 @@ pub(super) fn read(
     source: &Source,
     read_library: impl Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>,
 ) -> Result<Scene, SourceError> {
-    if source.bytes.starts_with(b"\xff\xfe") || source.bytes.starts_with(b"\xfe\xff") {
-        return Err(SourceError::new(&source.file, None, "is UTF-16, expected ASCII or UTF-8"));
-    }
     let mut reader = Reader {
         source,
         cursor: Cursor::new(source),
         libraries: Libraries::new(read_library),
         scene: Scene { file: Some(source.file.clone()), terminator: Terminator::Soft, ..Scene::default() },
         positions: Vec::new(),
+        unreadable: Vec::new(),
         normals: Vec::new(),
         colours: Vec::new(),
         uses: Uses::default(),
@@ -56,7 +54,10 @@ struct Reader<'a, R> {
     libraries: Libraries<R>,
     /// The materials of its polygons are indices into `uses` until the file is read.
     scene: Scene,
+    /// Not a number where a vertex cannot be read: no harm is done unless a face uses it.
     positions: Vec<DVec3>,
+    /// Indices of those vertices, and where their coordinates begin.
+    unreadable: Vec<(u32, Cursor<'a>)>,
     /// Unit; zero where the file gives none that is of use.
     normals: Vec<DVec3>,
     /// Of as many of the first positions as it takes to have the last colour.
@@ -84,12 +85,14 @@ enum Fault {
     Form,
     /// An index that no vertex has.
     Absent(i64),
+    /// A vertex that cannot be read.
+    Unreadable(u32),
 }
 
 impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'a, R> {
     fn statement(&mut self, keyword: Token<'a>) -> Result<(), SourceError> {
         match keyword.bytes {
-            b"v" => return self.vertex(),
+            b"v" => self.vertex(),
             // Two names of one statement.
             b"f" | b"fo" => return self.face(keyword),
             b"vn" => self.normal(keyword),
@@ -121,14 +124,18 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
         Ok(())
     }
 
-    fn vertex(&mut self) -> Result<(), SourceError> {
-        let Vertex { position, colour } = Vertex::read(&mut self.cursor, &mut self.scene.warnings)?;
+    fn vertex(&mut self) {
+        let before = self.cursor.clone();
+        let Some(Vertex { position, colour }) = Vertex::read(&mut self.cursor, &mut self.scene.warnings) else {
+            self.unreadable.push((self.positions.len() as u32, before));
+            self.positions.push(DVec3::NAN);
+            return;
+        };
         if colour.is_some() {
             self.colours.resize(self.positions.len(), None);
             self.colours.push(colour);
         }
         self.positions.push(position);
-        Ok(())
     }
 
     fn normal(&mut self, keyword: Token<'a>) {
@@ -182,6 +189,10 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
                 let what = format_args!(" names vertex {index}, expected one of the {defined} defined so far");
                 return Err(self.cursor.error(word, what));
             }
+            Some((_, Fault::Unreadable(position))) => {
+                let found = self.unreadable.binary_search_by_key(&position, |(index, _)| *index);
+                return Err(Vertex::fault(self.unreadable[found.unwrap_or(0)].1.clone()));
+            }
         }
         self.polygon(keyword, line);
         Ok(())
@@ -192,6 +203,9 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
         let mut parts = word.bytes.split(|&b| b == b'/');
         let index: i64 = parts.next().and_then(integer).ok_or(Fault::Form)?;
         let position = place(index, self.positions.len()).ok_or(Fault::Absent(index))?;
+        if self.positions[position as usize].is_nan() {
+            return Err(Fault::Unreadable(position));
+        }
         self.face.positions.push(position);
         let texture = parts.next().unwrap_or_default();
         if !texture.is_empty() && integer(texture).is_none() {
@@ -299,6 +313,12 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
     fn finish(mut self) -> Scene {
         let (source, cursor, file) = (self.source, &self.cursor, &self.source.file);
         let mut warnings = std::mem::take(&mut self.scene.warnings);
+        for (_, statement) in &self.unreadable {
+            warnings.add(file, "unused-vertex", || {
+                let SourceError { file, place, what } = Vertex::fault(statement.clone());
+                SourceError { file, place, what: format!("{what}: no face uses this vertex") }
+            });
+        }
         self.smoothing.smooth(&mut self.scene, self.positions.len(), |at| {
             let what = "the normals around a corner of this face cancel out in its smoothing group: the face is flat";
             warnings.add(file, "smoothing-cancels", || source.error(at, what));

@@ -126,28 +126,28 @@ fn line_ends_of_all_systems_mean_the_same() {
     }
     let mixed = OBJ.replacen('\n', "\r", 4).replacen("f 1", "\r\nf 1", 1);
     assert_eq!(read(mixed, MTL).map(|scene| scene.polygon_lines), Ok(vec![(0, 14), (2, 19)]));
-    let error = read("v 0 0 0\r\rv 1 2 x\r", "").expect_err("malformed");
+    let error = read("v 0 0 0\r\rv 1 2 x\rf 1 1 2\r", "").expect_err("malformed");
     assert_eq!(error, "x.obj:3:7: \"x\" is not a number, expected a coordinate from -1e30 to 1e30");
 }
 
 #[test]
 fn what_changes_the_geometry_is_an_error_with_its_place() {
     let table = [
-        ("v 1 2", "6: the line ends here, expected a coordinate from -1e30 to 1e30"),
-        ("v 1 x 2", "5: \"x\" is not a number, expected a coordinate from -1e30 to 1e30"),
-        ("v 1 1,5 2", "5: \"1,5\" is not a number, expected a coordinate from -1e30 to 1e30"),
-        ("v 1 NaN 2", "5: \"NaN\" is out of range, expected a coordinate from -1e30 to 1e30"),
-        ("v 1 2 inf", "7: \"inf\" is out of range, expected a coordinate from -1e30 to 1e30"),
-        ("v 1 2 -1.#IND", "7: \"-1.#IND\" is not a number, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 2\nf 1 2 5", "6: the line ends here, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 x 2\nf 1 2 5", "5: \"x\" is not a number, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 1,5 2\nf 1 2 5", "5: \"1,5\" is not a number, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 NaN 2\nf 1 2 5", "5: \"NaN\" is out of range, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 2 inf\nf 1 2 5", "7: \"inf\" is out of range, expected a coordinate from -1e30 to 1e30"),
+        ("v 1 2 -1.#IND\nf 1 2 5", "7: \"-1.#IND\" is not a number, expected a coordinate from -1e30 to 1e30"),
         (
-            "v 1 2 3 0",
+            "v 1 2 3 0\nf 1 2 5",
             "9: \"0\" is a weight that the coordinates cannot be divided by, expected one that leaves a coordinate from -1e30 to 1e30",
         ),
         (
-            "v 1e29 2 3 0.01",
+            "v 1e29 2 3 0.01\nf 1 2 5",
             "12: \"0.01\" is a weight that the coordinates cannot be divided by, expected one that leaves a coordinate from -1e30 to 1e30",
         ),
-        ("v 1 2 3 w", "9: \"w\" is not a number, expected a weight from -1e30 to 1e30"),
+        ("v 1 2 3 w\nf 1 2 5", "9: \"w\" is not a number, expected a weight from -1e30 to 1e30"),
         ("f 1 2 5", "7: \"5\" names vertex 5, expected one of the 4 defined so far"),
         ("f 1 2 0", "7: \"0\" names vertex 0, expected one of the 4 defined so far"),
         ("f -5 2 3 4", "3: \"-5\" names vertex -5, expected one of the 4 defined so far"),
@@ -163,7 +163,30 @@ fn what_changes_the_geometry_is_an_error_with_its_place() {
     for (line, expected) in table {
         assert_eq!(read(square(line), ""), Err(format!("x.obj:6:{expected}")), "{line}");
     }
-    assert_eq!(read(b"\xff\xfev\0".to_vec(), ""), Err("x.obj: is UTF-16, expected ASCII or UTF-8".into()));
+}
+
+#[test]
+fn a_vertex_that_cannot_be_read_is_no_harm_where_no_face_uses_it() {
+    for (statements, expected) in [
+        (
+            "v 1 2 3.1+e2",
+            "6:7: \"3.1+e2\" is not a number, expected a coordinate from -1e30 to 1e30: no face uses this vertex",
+        ),
+        (
+            "v 1 2 3 0\nv nan 0 0\nf 1 2 3",
+            "6:9: \"0\" is a weight that the coordinates cannot be divided by, expected one that leaves a coordinate from -1e30 to 1e30: no face uses this vertex (and 1 more)",
+        ),
+        (
+            "v\nv 1\nv",
+            "6:2: the line ends here, expected a coordinate from -1e30 to 1e30: no face uses this vertex (and 2 more)",
+        ),
+    ] {
+        let scene = read_with(square(statements), &[]).expect("repaired");
+        assert_eq!(shown(&scene.warnings), [("unused-vertex", format!("x.obj:{expected}"))], "{statements}");
+    }
+    // The numbers of those after it are what they would be.
+    let scene = read_with(square("v x 0 0\nv 2 2 2\nf 1 2 6"), &[]).expect("repaired");
+    assert_eq!(scene.vertices.last(), Some(&DVec3::splat(2.0)));
 }
 
 /// The warnings of one statement after [`square`], and the scene.

@@ -16,13 +16,13 @@ pub(super) struct Vertex {
 }
 
 impl Vertex {
-    /// Reads the rest of a statement.
-    ///
-    /// # Errors
-    /// A coordinate or the weight is none.
-    pub(super) fn read(cursor: &mut Cursor, warnings: &mut Warnings) -> Result<Self, SourceError> {
-        let mut next = || cursor.number_on_line(&COORDINATE);
-        let position = DVec3::new(next()?, next()?, next()?);
+    /// Reads the rest of a statement; `None` where a coordinate or the weight is none: [`Self::fault`] says which.
+    pub(super) fn read(cursor: &mut Cursor, warnings: &mut Warnings) -> Option<Self> {
+        let mut position = DVec3::ZERO;
+        for coordinate in position.as_mut() {
+            let Judged::Fits(number) = Cursor::judge(cursor.token_on_line()?, &COORDINATE) else { return None };
+            *coordinate = number;
+        }
         let mut others = [Token { at: 0, bytes: &[] }; 5];
         let mut count = 0;
         while let Some(word) = cursor.token_on_line() {
@@ -32,27 +32,36 @@ impl Vertex {
             count += 1;
         }
         match count {
-            0 => Ok(Self { position, colour: None }),
-            1 => Ok(Self { position: divided(position, others[0], cursor)?, colour: None }),
+            0 => Some(Self { position, colour: None }),
+            1 => Some(Self { position: divided(position, others[0])?, colour: None }),
             2 => {
                 let what = " and another word after the coordinates, expected a weight or a colour: both are ignored";
                 cursor.warn(warnings, "odd-vertex", others[0], format_args!("{what}"));
-                Ok(Self { position, colour: None })
+                Some(Self { position, colour: None })
             }
-            _ => Ok(Self { position, colour: colour(&others[..count.min(5)], cursor, warnings) }),
+            _ => Some(Self { position, colour: colour(&others[..count.min(5)], cursor, warnings) }),
         }
+    }
+
+    /// What is wrong with a statement that cannot be read; the cursor is where [`Self::read`] began.
+    pub(super) fn fault(mut cursor: Cursor) -> SourceError {
+        for _ in 0..3 {
+            if let Err(error) = cursor.number_on_line(&COORDINATE) {
+                return error;
+            }
+        }
+        let word = cursor.expected_token_on_line();
+        let what = format_args!(
+            " is a weight that the coordinates cannot be divided by, expected one that leaves {COORDINATE}"
+        );
+        cursor.parse_number(word, &WEIGHT).err().unwrap_or_else(|| cursor.error(word, what))
     }
 }
 
-fn divided(position: DVec3, word: Token, cursor: &Cursor) -> Result<DVec3, SourceError> {
-    let position = position / cursor.parse_number(word, &WEIGHT)?;
-    // Not so where the weight is 0.
-    if position.abs().max_element() <= COORDINATE.max {
-        return Ok(position);
-    }
-    let what =
-        format_args!(" is a weight that the coordinates cannot be divided by, expected one that leaves {COORDINATE}");
-    Err(cursor.error(word, what))
+/// `None` where the weight is none, or what it leaves no coordinates, as with a weight of 0.
+fn divided(position: DVec3, word: Token) -> Option<DVec3> {
+    let Judged::Fits(weight) = Cursor::judge(word, &WEIGHT) else { return None };
+    Some(position / weight).filter(|position| position.abs().max_element() <= COORDINATE.max)
 }
 
 /// Red, green and blue; a fourth word is alpha.
