@@ -3,14 +3,16 @@
 use std::error::Error;
 use std::path::Path;
 
-use marti::{ImageSettings, Octree, Renderer, SceneSource, ViewChoices, build_database, view};
+use marti::{ImageDefaults, ImageSettings, Octree, Renderer, SceneSource, ViewChoices, build_database, view};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [scene, image] = &arguments[..] else { return Err("expected a scene and the image's name".into()) };
     let scene = scene.parse::<SceneSource>()?.load()?;
     let settings = ImageSettings::new(256, 256, ImageSettings::DEPTH_DEFAULT, 0.0)?;
-    let view = view(&scene, &ViewChoices::default(), |_| Ok(settings))?;
+    // The terminator is what is usual for the kind of file; width, height, depth and cutoff are ours.
+    let image = |defaults: &ImageDefaults| Ok(settings.with_terminator(defaults.terminator));
+    let view = view(&scene, &ViewChoices::default(), image)?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
     let rendering = Renderer::new(&database).render(&view)?;
     rendering.frame.write(Path::new(image), false)?;

@@ -7,14 +7,15 @@
 //! # A scene to an image
 //!
 //! A [`SceneSource`] is a file or a procedural scene. Its [`Scene`] becomes a [`Database`](Verified), a flat image with its
-//! octree; its camera and lights, with [`ImageSettings`], become a [`View`]. A [`Renderer`] renders views of a database.
+//! octree; its camera and lights, or those of [`ViewChoices`], with [`ImageSettings`], become a [`View`]. A [`Renderer`] renders
+//! views of a database.
 //!
 //! ```
 //! use marti::{ViewChoices, ImageSettings, Octree, Renderer, SceneSource, build_database, view};
 //!
 //! let scene = "teapot:2".parse::<SceneSource>()?.load()?;
 //! let settings = ImageSettings::new(32, 32, 4, 0.0)?;
-//! let view = view(&scene, &ViewChoices::default(), |_camera| Ok(settings))?;
+//! let view = view(&scene, &ViewChoices::default(), |_defaults| Ok(settings))?;
 //! let database = build_database(&scene, Octree::DEFAULT.into())?;
 //! let rendering = Renderer::new(&database).render(&view)?;
 //! assert_eq!(rendering.frame.pixels().colour.len(), 32 * 32);
@@ -39,7 +40,7 @@
 //! # use marti::{ViewChoices, ImageSettings, Octree, SceneSource, build_database, view};
 //! # let scene = "teapot:2".parse::<SceneSource>()?.load()?;
 //! # let settings = ImageSettings::new(32, 32, 4, 0.0)?;
-//! # let view = view(&scene, &ViewChoices::default(), |_camera| Ok(settings))?;
+//! # let view = view(&scene, &ViewChoices::default(), |_defaults| Ok(settings))?;
 //! # let database = build_database(&scene, Octree::DEFAULT.into())?;
 //!
 //! let tiling = Tiling::try_from(Sides { width: 32, height: 32, tile_width: 8, tile_height: 8 })?;
@@ -72,9 +73,9 @@ pub use cluster::topology::Topology;
 pub use cluster::topology::recorded::open_references;
 pub use trace::database::verify::Verified;
 pub use trace::picture::{AovSet, ImageSettings};
-pub use trace::preparation::{ViewChoices, view};
+pub use trace::preparation::{CameraChoices, ImageDefaults, ViewChoices, view};
 pub use trace::render::{Renderer, Rendering};
-pub use trace::scene::{Scene, SceneSource};
+pub use trace::scene::{Camera, Light, Scene, SceneSource, UpAxis, Warning};
 pub use trace::tracer::View;
 pub use trace::tracer::octree::{Octree, build_database};
 

@@ -22,3 +22,5 @@ mod reference;
 mod references;
 mod resume;
 mod same_image;
+mod view;
+mod warnings;

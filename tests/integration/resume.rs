@@ -90,6 +90,7 @@ fn what_cannot_be_resumed_is_named() {
     for (set, expected) in [
         ("image.width=48", "tiles: is the journal of another image: 32x32 pixels in tiles of 8x8, expected 48x32"),
         ("image.depth=1", "scene and settings have the fingerprint"),
+        ("image.terminator=soft", "scene and settings have the fingerprint"),
     ] {
         let output = run(&["run", "--resume", path, "--set", set]);
         assert_eq!(output.status.code(), Some(2), "{set}");

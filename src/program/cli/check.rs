@@ -195,7 +195,9 @@ mod tests {
             summary_of("paper-teapot-9.toml", &[]),
             "topology      paper-teapot-9\n\
              scene         teapot:12, 9264 primitives\n\
-             image         250x250 pixels, depth 4, cutoff 0\n\
+             bounds        (-4, -4, 0) to (4, 4, 3.15)\n\
+             camera        from (4.86, 7.2, 5.4) at (0, 0, 0), up (0, 0, 1), angle 45; the scene's\n\
+             image         250x250 pixels, depth 4, cutoff 0, hard terminator\n\
              tiles         2500 of 5x5 pixels in scanline order, interleaved over the nodes\n\
              octree        leaves of 12 primitives, depth 10, with mailbox\n\
              processes     13: manager, bus, master, display and 9 nodes\n\

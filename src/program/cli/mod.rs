@@ -109,6 +109,10 @@ mod tests {
             "marti render teapot:12",
             "marti render a.nff -o a.png --size 640x480 --threads 2 --repeat 5 --depth 0 --cutoff 0.01 --aov primitive \
              --leaf-size 8 --max-depth 0 --mailbox off --report r.json",
+            "marti render a.obj --camera-from -1,2,3 --camera-at=0,0,-1 --camera-up 0,0,1 --camera-angle 30 --light -1,2,3 \
+             --light 1,1,1,0,0.5,1 --background 0,0,1 --up z --terminator soft --strict",
+            "marti run t.toml --strict",
+            "marti check t.toml --strict",
             "marti scene gears --size 4 -o gears4.nff",
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
             "marti check t.toml --set scene.file=a.nff",
@@ -144,6 +148,9 @@ mod tests {
             ("marti walk", "unrecognized subcommand 'walk'"),
             ("marti run", "<TOPOLOGY>"),
             ("marti run t.toml --set cluster.nodes", "expected KEY=VALUE"),
+            ("marti run t.toml --nodes 9", "expected --set cluster.nodes=9"),
+            ("marti run t.toml --size 64x64", "expected --set image.width=640"),
+            ("marti render a.obj --camera-from 1,2", "expected three numbers"),
             ("marti run t.toml --set =1", "expected names joined by dots"),
             ("marti run t.toml --aov colour", "possible values: depth, normal, primitive"),
             ("marti render teapots", "or gears, teapot, balls, tetra, slivers, plane, decades, giant or corner"),

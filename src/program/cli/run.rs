@@ -59,6 +59,12 @@ pub struct RunArguments {
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
+    /// A key of the topology, for those who look for an option
+    #[arg(long, hide = true, value_parser = |_: &str| Err::<String, _>("expected --set cluster.nodes=9"))]
+    nodes: Option<String>,
+    /// A key of the topology, for those who look for an option
+    #[arg(long, hide = true, value_parser = |_: &str| Err::<String, _>("expected --set image.width=640 --set image.height=480"))]
+    size: Option<String>,
 }
 
 /// What can be recorded.

@@ -9,12 +9,12 @@ use serde::Serialize;
 
 use super::grid_options::{GridOptions, SETTINGS};
 use super::table::{Format, Table};
-use super::{Failure, json, print};
+use super::{Failure, json, print, subject};
 use crate::study::page::Page;
 use crate::study::paper::{self, Paper};
 use crate::study::sweep::{self, Sweep};
 use cluster::processes::scene_warnings;
-use cluster::topology::{Override, Topology};
+use cluster::topology::Override;
 use ground::atomic_file;
 use ground::outlet;
 use ground::progress::Steps;
@@ -44,7 +44,7 @@ struct PaperArguments {
 /// Each list is one such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4. What is not given is as in the topology.
 #[derive(Clone, Debug, Args)]
 struct SweepArguments {
-    /// Topology file (docs/topology.md)
+    /// Topology file (docs/topology.md), or a scene by itself, as for `marti run`
     topology: PathBuf,
     /// Set a key of the topology, such as scene.size=4
     #[arg(long, value_name = "KEY=VALUE")]
@@ -96,7 +96,7 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
 fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let SweepArguments { output, grid, .. } = arguments;
     let timings = arguments.timings || grid.varies_bus();
-    let topology = Topology::read(&arguments.topology, &arguments.set)?;
+    let topology = subject::topology(&arguments.topology, &arguments.set)?;
     output.make_folder()?;
     let steps = Steps::new(output.quiet, sweep::STEPS);
     let found = Sweep::study(

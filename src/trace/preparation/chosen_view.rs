@@ -1,5 +1,7 @@
 //! The view of a scene: what is chosen, else what the scene says, else what shows all of it.
 
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::view_choices::{CameraPart, ViewChoices};
@@ -97,9 +99,10 @@ fn without_effect(scene: &Scene, choices: &ViewChoices) -> Option<Warning> {
     Some(Warning::of_scene("no-effect", format!("the vertical axis {} has no effect: {why}", axis.name())))
 }
 
-/// OBJ files have no lights: it goes without saying.
+/// OBJ files cannot have any: there it goes without saying.
 fn without_light(scene: &Scene, choices: &ViewChoices) -> Option<Warning> {
-    let can_have_lights = scene.camera.is_some();
+    let extension = scene.file.as_deref().and_then(Path::extension);
+    let can_have_lights = !extension.is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
     let has_lights = !scene.lights.is_empty() || !choices.lights.is_empty();
     let text = "the scene has no lights: two beside the camera light it";
     (can_have_lights && !has_lights).then(|| Warning::of_scene("no-light", text))
@@ -122,7 +125,7 @@ mod tests {
 
     fn sphere() -> Scene {
         let sphere = Sphere { centre: DVec3::new(1.0, 2.0, 3.0), radius: 1.0, material: 0 };
-        Scene { spheres: vec![sphere], ..Scene::default() }
+        Scene { spheres: vec![sphere], file: Some("a.OBJ".into()), ..Scene::default() }
     }
 
     fn with_camera() -> Scene {
@@ -202,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_scene_that_could_have_lights_and_has_none_is_lit_and_warned_of() {
-        let dark = Scene { lights: Vec::new(), ..with_camera() };
+        let dark = Scene { lights: Vec::new(), file: Some("a.nff".into()), ..with_camera() };
         let found = chosen(&dark, &ViewChoices::default());
         assert_eq!((found.view.lights.clone(), kinds(&found)), (OWN.framing_lights().to_vec(), vec!["no-light"]));
         let lit = chosen(&dark, &ViewChoices { lights: vec![LIGHT], ..ViewChoices::default() });

@@ -32,10 +32,7 @@ pub(super) fn of_bounds(bounds: Option<(DVec3, DVec3)>, view: &View) -> Option<W
     let (side, _) = sides(&view.camera, &view.image)
         .into_iter()
         .find(|(_, inward)| corners.iter().all(|corner| is_outside(*corner - view.camera.from, *inward)))?;
-    Some(Warning::of_scene(
-        "out-of-view",
-        format!("the whole scene is {side} what the camera sees: the background is all that is seen"),
-    ))
+    Some(Warning::of_scene("out-of-view", format!("the whole scene is {side}: the background is all that is seen")))
 }
 
 /// The planes through the eye that what is seen is between, as vectors that point to its side.
@@ -46,11 +43,11 @@ fn sides(camera: &Camera, image: &ImageSettings) -> [(&'static str, DVec3); 5] {
     let half_height = libm::tan(camera.angle_degrees.to_radians() / 2.0);
     let half_width = half_height * f64::from(image.width()) / f64::from(image.height());
     [
-        ("behind", forward),
-        ("left of", forward * half_width + right),
-        ("right of", forward * half_width - right),
-        ("below", forward * half_height + up),
-        ("above", forward * half_height - up),
+        ("behind the camera", forward),
+        ("left of what the camera sees", forward * half_width + right),
+        ("right of what the camera sees", forward * half_width - right),
+        ("below what the camera sees", forward * half_height + up),
+        ("above what the camera sees", forward * half_height - up),
     ]
 }
 
@@ -189,7 +186,7 @@ mod tests {
             (DVec3::new(0.0, -8.0, 0.0), "above"),
         ] {
             let text = seen_from(at).expect(side);
-            assert!(text.starts_with(&format!("the whole scene is {side} what the camera sees")), "{text}");
+            assert!(text.starts_with(&format!("the whole scene is {side}")), "{text}");
         }
         let empty = Scene { spheres: Vec::new(), ..sphere(camera(eye, DVec3::ZERO), eye) };
         assert_eq!(of_bounds(empty.bounds(), &view(&empty)).expect("nothing").kind, "no-primitives");
