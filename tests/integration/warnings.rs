@@ -94,6 +94,18 @@ fn every_command_that_reads_a_scene_warns() {
 }
 
 #[test]
+fn a_check_warns_of_all_that_a_run_warns_of() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    // From inside of a sphere, beside a polygon that crosses itself.
+    let crossing = "s 0 0 0 1\np 4\n0 0 -9\n1 1 -9\n1 0 -9\n0 1 -9";
+    fs::write(folder.path().join("scene.nff"), nff("0 0 0.5", "0 0 0", "l 0 0 9", crossing)).expect("writable folder");
+    let (checked, _) = said(folder.path(), &["check", "scene.nff"]);
+    let (ran, _) = said(folder.path(), &["run", "scene.nff", "-q", "--out", "out"]);
+    assert_eq!(checked, ran);
+    assert!(checked.starts_with("warning: scene.nff:11:") && checked.lines().count() == 2, "{checked}");
+}
+
+#[test]
 fn what_is_chosen_leaves_nothing_to_warn_of() {
     let folder = tempfile::tempdir().expect("temporary folder");
     fs::write(folder.path().join("scene.nff"), nff("0 0 0.5", "0 0 0", "", "s 0 0 0 1")).expect("writable folder");

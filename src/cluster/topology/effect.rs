@@ -23,7 +23,7 @@ impl Topology {
             ("cluster.bus.transactions", bus.transactions != Bus::DEFAULT.transactions),
             ("cluster.local_memory.line", holds_all && memory.line != default.line.0),
             ("cluster.local_memory.ways", holds_all && memory.ways.is_some()),
-            ("cluster.local_memory.replacement", holds_all && memory.replacement != default.replacement.into()),
+            ("cluster.local_memory.replacement", holds_all && memory.replacement != default.replacement),
             ("octree.mailbox", holds_all && self.octree.mailbox != Octree::DEFAULT.mailbox),
         ];
         keys.into_iter().filter(|(_, is_idle)| *is_idle).map(|(key, _)| key).collect()
@@ -32,13 +32,13 @@ impl Topology {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
+    use trace::scene::source::Source;
 
     fn without_effect(text: &str) -> Vec<&'static str> {
         let source = "[scene]\nprocedural = \"teapot\"\n".to_owned() + text;
-        Topology::parse(Path::new("x.toml"), &source, &[]).expect("a topology").without_effect_live()
+        let source = Source::from_bytes("x.toml", source);
+        Topology::from_source(&source, &[]).expect("a topology").without_effect_live()
     }
 
     #[test]

@@ -13,12 +13,12 @@ use cluster::topology::{Host, Launch, Override, Topology};
 use machine::hardware::specification::{Arbiter, LocalMemory, MemorySize};
 use machine::tile_order::Assignment;
 use trace::picture::{ImageSettings, Tiling};
-use trace::preparation::{self, ImageDefaults};
+use trace::preparation::{ImageDefaults, PreparationError, Prepared};
 use trace::scene::SceneSource;
 use trace::scene::procedural::Procedural;
 use trace::scene::{Scene, Warning};
 
-/// Check a topology and its scene, and print what would run
+/// Check a topology and its scene, with all that `marti run` would warn of, and print what would run
 #[derive(Clone, Debug, Args)]
 pub struct CheckArguments {
     /// Topology file (docs/topology.md), or a scene by itself, as for `marti run`
@@ -33,13 +33,15 @@ pub struct CheckArguments {
 
 pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     let topology = subject::topology(&arguments.topology, &arguments.set)?;
-    let scene = match &topology.scene {
+    let subject = match &topology.scene {
         // It takes its time, and nothing can be wrong with it.
-        SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => None,
-        source => Some(source.load()?),
+        SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => Subject::unseen(&topology),
+        _ => topology.prepare().map(Subject::from),
     };
-    let subject = Subject::new(&topology, scene.as_ref())
-        .map_err(|what| Failure::bad_input(format!("{}: {what}", arguments.topology.display())))?;
+    let subject = subject.map_err(|error| match error {
+        PreparationError::View(what) => Failure::bad_input(format!("{}: {what}", arguments.topology.display())),
+        error => error.into(),
+    })?;
     scene_warnings::show(&subject.warnings);
     if arguments.strict && !subject.warnings.is_empty() {
         return Err(Failure::of_warnings());
@@ -56,25 +58,24 @@ struct Subject {
 }
 
 struct Seen {
-    primitives: usize,
+    primitives: u64,
     bounds: Option<Bounds>,
     camera: Camera,
 }
 
 impl Subject {
-    fn new(topology: &Topology, scene: Option<&Scene>) -> Result<Self, String> {
-        let settings = |defaults: &ImageDefaults| topology.image_settings(defaults);
-        let Some(scene) = scene else {
-            let image = settings(&ImageDefaults::of(&Scene::default()))?;
-            return Ok(Self { image, scene: None, warnings: Vec::new() });
-        };
-        let chosen = preparation::choose(scene, &topology.view, settings)?;
-        let bounds = chosen.bounds.map(Bounds::new);
-        Ok(Self {
-            image: chosen.view.image,
-            scene: Some(Seen { primitives: scene.primitive_count(), bounds, camera: (&chosen).into() }),
-            warnings: scene.warnings.all().iter().cloned().chain(chosen.warnings).collect(),
-        })
+    fn unseen(topology: &Topology) -> Result<Self, PreparationError> {
+        let image = topology.image_settings(&ImageDefaults::of(&Scene::default())).map_err(PreparationError::View)?;
+        Ok(Self { image, scene: None, warnings: Vec::new() })
+    }
+}
+
+impl From<Prepared> for Subject {
+    fn from(prepared: Prepared) -> Self {
+        let primitives = prepared.database.database().header.scene_primitives;
+        let (bounds, camera) = (prepared.bounds.map(Bounds::new), (&prepared).into());
+        let scene = Some(Seen { primitives, bounds, camera });
+        Self { image: prepared.view.image, scene, warnings: prepared.warnings }
     }
 }
 
@@ -185,8 +186,7 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../topologies").join(name);
         let overrides: Vec<Override> = overrides.iter().map(|text| text.parse().expect("an override")).collect();
         let topology = Topology::read(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-        let scene = topology.scene.load().expect("a procedural scene");
-        summary(&topology, &Subject::new(&topology, Some(&scene)).expect("the tile fits"))
+        summary(&topology, &topology.prepare().expect("a procedural scene, and the tile fits").into())
     }
 
     #[test]
