@@ -100,7 +100,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Renders `view` of a database; `on_tile` is told how far it is, from any thread.
+/// Renders `view` of a database; `on_tile` gets its progress, from any thread.
 ///
 /// # Errors
 /// There is no memory for the image, or the system has no thread left.

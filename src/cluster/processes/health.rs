@@ -1,4 +1,4 @@
-//! What a process tells of itself to those who look after machines: whether it is ready, and counts, by HTTP on an
+//! What a process reports of itself to monitoring: whether it is ready, and counts, by HTTP on an
 //! address of its own host.
 //!
 //! `/healthz` answers 200 when the process does its work and 503 before; `/metrics` is Prometheus' text format.
@@ -18,7 +18,7 @@ use tokio::sync::watch;
 
 use super::event_queue::event_queue;
 
-/// Whoever asks is from this host, and asks rarely.
+/// Why health is not served.
 #[derive(Debug, thiserror::Error)]
 pub enum HealthError {
     #[error("--health {0} is not an address of this host alone, expected one such as 127.0.0.1:9464")]
@@ -27,7 +27,7 @@ pub enum HealthError {
     Bind { address: SocketAddr, error: io::Error },
 }
 
-/// What is told.
+/// What is reported.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Health {
     pub ready: bool,
@@ -48,7 +48,7 @@ pub struct Metric {
     pub name: &'static str,
     pub help: &'static str,
     pub kind: Kind,
-    /// Label names and values; metrics of one name stand together.
+    /// Label names and values; metrics of one name are adjacent.
     pub labels: Vec<(&'static str, String)>,
     pub value: f64,
 }
@@ -69,7 +69,7 @@ impl Metric {
     }
 }
 
-/// Answers until the runtime ends; what is sent last is what is told.
+/// Answers until the runtime ends, with what was sent last. Connections have no bound: they come from this host alone, and rarely.
 ///
 /// # Errors
 /// The address is not of this host alone, or cannot be bound.

@@ -1,6 +1,6 @@
 //! The bus: requests wait, the arbiter grants one at a time, a completed one becomes a [`Transaction`].
 //!
-//! Who drives it moves the data and tells the time, in nanoseconds since the bus started:
+//! The caller moves the data and gives the time, in nanoseconds since the bus started:
 //!
 //! ```text
 //! request(initiator, request, now)          as requests arrive
