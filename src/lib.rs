@@ -19,10 +19,28 @@
 //! let database = build_database(&scene, Octree::DEFAULT.into())?;
 //! let rendering = Renderer::new(&database).render(&view)?;
 //! assert_eq!(rendering.frame.pixels().colour.len(), 32 * 32);
+//! # let folder = tempfile::tempdir()?;
+//! # let folder = folder.path();
+//! // A PNG file; `true` would also write the exact colours as OpenEXR, where the feature `exr` is on.
+//! rendering.frame.write(&folder.join("teapot.png"), false)?;
 //! // The same bits on any number of threads, and on any host.
 //! let again = Renderer::new(&database).threads(1).render(&view)?;
 //! assert_eq!(again.frame.sha256(), rendering.frame.sha256());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! A scene can also be made in the program, of what is in [`scene`] and of vectors of [`glam`]:
+//!
+//! ```
+//! use marti::glam::DVec3;
+//! use marti::scene::{Material, Sphere};
+//! use marti::{Octree, Scene, build_database};
+//!
+//! let ball = Sphere { centre: DVec3::ZERO, radius: 1.0, material: 0 };
+//! let scene = Scene { materials: vec![Material::WHITE], spheres: vec![ball], ..Scene::default() };
+//! let database = build_database(&scene, Octree::DEFAULT.into())?;
+//! assert_eq!(database.database().header.scene_primitives, 1);
+//! # Ok::<(), marti::tracer::BuildError>(())
 //! ```
 //!
 //! # References to other memories
@@ -69,33 +87,112 @@
 #[cfg(target_endian = "big")]
 compile_error!("the database image, the wire format and the hashes of marti are little-endian");
 
+pub use glam;
+
 pub use cluster::topology::Topology;
 pub use cluster::topology::recorded::open_references;
 pub use trace::database::verify::Verified;
 pub use trace::picture::{AovSet, ImageSettings};
 pub use trace::preparation::{CameraChoices, ImageDefaults, ViewChoices, view};
-pub use trace::render::{Renderer, Rendering};
-pub use trace::scene::{Camera, Light, Scene, SceneSource, UpAxis, Warning};
+pub use trace::render::{RenderError, Renderer, Rendering};
+pub use trace::scene::{Scene, SceneSource};
 pub use trace::tracer::View;
 pub use trace::tracer::octree::{Octree, build_database};
 
-/// Pictures: their settings, tilings and pixels.
-pub mod picture {
-    pub use trace::picture::*;
+/// Newtypes of what is counted: nodes, tiles, attempts and so on.
+pub mod ids {
+    pub use ground::ids::{Address, Attempt, ClusterId, Epoch, NodeId, Producer, RunId, TileId};
 }
 
-/// Memories, buses and arbiters, as they are asked for and as they are simulated.
+/// Pictures: their settings, tilings and pixels.
+pub mod picture {
+    pub use trace::picture::{ImageSettingsError, Pixels, Rect, Sides, Terminator, Tiling, TilingError};
+}
+
+/// What a [`Scene`] is made of, and where it comes from.
+pub mod scene {
+    pub use trace::scene::placement::Unplaceable;
+    pub use trace::scene::procedural::{Kind, KindError, Procedural, SizeError};
+    pub use trace::scene::{
+        Camera, Cone, Light, Material, Placement, Polygon, SourceError, Sphere, UpAxis, Warning, Warnings, load,
+    };
+}
+
+/// A scene as the flat memory that nodes read: its header, and where the records of each kind are.
+pub mod database {
+    pub use trace::database::compile::CompileError;
+    pub use trace::database::layout::{Span, TooLarge};
+    pub use trace::database::verify::Corrupt;
+    pub use trace::database::{Database, Header, Layout, Normalisation, Section};
+}
+
+/// What the octree is built with, what the tracer reads through, and what it counts.
+pub mod tracer {
+    pub use trace::tracer::octree::{BuildError, BuildParameters};
+    pub use trace::tracer::{MemoryPort, RayKind, TraceStats};
+}
+
+/// The pixels of a whole image, and the files that they are written to.
+pub mod image_file {
+    pub use trace::image_file::{EXR_SUPPORTED, FrameBuffer, FrameBufferError, files};
+}
+
+/// A scene that was read, with its view and its database, as a [`Topology`] prepares it.
+pub mod preparation {
+    pub use trace::preparation::{PreparationError, Prepared};
+}
+
+/// Memories, buses and arbiters, as they are asked for and as they are simulated; what they count.
 pub mod machine {
-    pub use ::machine::hardware::{arbiter, bus, local_memory, replacement, specification};
+    pub use ::machine::hardware::{
+        arbiter, bus, local_memory, references, replacement, specification, stats, transaction,
+    };
+}
+
+/// In which order tiles are handed out, and to which nodes.
+pub mod tile_order {
+    pub use ::machine::tile_order::{Assignment, TileOrder, tiles};
+}
+
+/// Recorded references, as [`open_references`] gives them.
+pub mod recording {
+    pub use ::machine::recording::references::{Conditions, LostTile, OpenError, Opened, Recording};
 }
 
 /// References replayed through other memories and buses.
 pub mod replay {
-    pub use ::machine::replay::*;
+    pub use ::machine::replay::{
+        Captured, Lines, RecordLines, Tally, Trace, TraceError, TracedTile, contention, evaluation, exporters,
+        importers, origin, parallel, replayer, setting,
+    };
+
+    /// Which node traces which tile, and several settings at once.
+    pub mod plan {
+        pub use ::machine::replay::plan::{grid, schedule};
+    }
+
+    /// What local memories would have counted, besides [`evaluation`] and [`replayer`].
+    pub mod model {
+        pub use ::machine::replay::model::{
+            counts, curve, detail, live, miss_classes, next_use, node, optimal, recount, stack_distance,
+        };
+    }
+
+    /// What is replayed.
+    pub mod stream {
+        pub use ::machine::replay::stream::{lines::Spans, reads, subject};
+    }
+}
+
+/// What a [`Topology`] is made of.
+pub mod topology {
+    pub use cluster::topology::{Deadlines, Host, Image, Launch, Override, Placement, Run};
 }
 
 /// A whole cluster in one process and in virtual time: the state machines of the real processes, and real memories and tracers.
 #[cfg(feature = "testing")]
 pub mod simulation {
     pub use cluster::processes::simulation::*;
+    pub use cluster::protocol::hello::Role;
+    pub use cluster::report::{Bus, Node};
 }

@@ -74,7 +74,7 @@ impl Progress {
     }
 }
 
-/// Steps of unequal length, told as they are begun.
+/// Steps of unequal length, shown as they are begun.
 pub struct Steps {
     quiet: bool,
     bar: Option<ProgressBar>,

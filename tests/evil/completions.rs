@@ -19,5 +19,5 @@ modes! {
 /// Within its bounds a count is believed: that it is wrong shows when all are added up.
 #[test]
 fn wronghits() {
-    run("wronghits", &[COUNTED]).assert_failed("wronghits", "books do not hold");
+    run("wronghits", &[COUNTED]).assert_failed("wronghits", "counts do not agree");
 }

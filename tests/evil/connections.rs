@@ -24,5 +24,5 @@ fn crowd() {
 
 #[test]
 fn extrafetches() {
-    run("extrafetches", &[COUNTED]).assert_failed("extrafetches", "books do not hold");
+    run("extrafetches", &[COUNTED]).assert_failed("extrafetches", "counts do not agree");
 }

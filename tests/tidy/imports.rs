@@ -5,9 +5,6 @@ use std::path::{Path, PathBuf};
 
 use crate::source::SourceFile;
 
-/// Re-exports that are followed from one name; more than any chain in the code.
-const EXPORTS_MAX: usize = 8;
-
 /// Files by module, and the arrows between them.
 pub(crate) struct Imports<'a> {
     files: BTreeMap<Vec<String>, &'a SourceFile>,
@@ -18,30 +15,9 @@ impl<'a> Imports<'a> {
         Self { files: files.iter().map(|file| (file.module.clone(), file)).collect() }
     }
 
-    /// The file that a name of `from` leads to; `None`: not to a file of this crate.
-    pub(crate) fn target(&self, from: &SourceFile, path: &[String]) -> Option<&'a SourceFile> {
-        let mut path = path.to_vec();
-        let child = [&from.module[..], &path[..1]].concat();
-        if self.files.contains_key(&child) {
-            path = [&from.module[..], &path[..]].concat();
-        }
-        for _ in 0..EXPORTS_MAX {
-            let (module, file) = (1..=path.len()).rev().find_map(|length| self.files.get_key_value(&path[..length]))?;
-            let next = path.get(module.len())?;
-            let Some(exported) = file.exports.get(next) else { return Some(file) };
-            let exported = [&exported[..], &path[module.len() + 1..]].concat();
-            // A crate's that is none of the layers.
-            let is_ours = |first: &String| self.files.contains_key(std::slice::from_ref(first));
-            if !exported.first().is_some_and(is_ours) {
-                return Some(file);
-            }
-            // `pub use self::inner::Thing` of a module that is named as the thing would go on for ever.
-            if exported == path {
-                return Some(file);
-            }
-            path = exported;
-        }
-        None
+    /// The file that a path leads to; `None`: not to a file of the layers.
+    fn target(&self, path: &[String]) -> Option<&'a SourceFile> {
+        (1..=path.len()).rev().find_map(|length| self.files.get(&path[..length]).copied())
     }
 
     /// Which files each file takes names from. A module and those in it are one house: what they take from each other is no
@@ -50,7 +26,8 @@ impl<'a> Imports<'a> {
         let mut arrows: BTreeMap<&Path, BTreeSet<&Path>> = BTreeMap::new();
         for file in self.files.values() {
             let to = arrows.entry(&file.path).or_default();
-            let targets = file.names.iter().filter_map(|name| self.target(file, &name.path));
+            let names = file.names.iter().filter(|name| !name.leads_on);
+            let targets = names.filter_map(|name| self.target(&name.path));
             let is_apart =
                 |to: &&SourceFile| !to.module.starts_with(&file.module) && !file.module.starts_with(&to.module);
             to.extend(targets.filter(is_apart).map(|target| &*target.path));

@@ -1,15 +1,18 @@
 //! The rules of ARCHITECTURE.md on who may import whom, as a test: what the code names is read by a parser.
 
+mod code_map;
 mod imports;
+mod paths;
 mod planted;
+mod roots;
 mod source;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
 use crate::imports::{Imports, cycles};
+use crate::paths::resolve;
 use crate::source::{SourceFile, crate_files};
 
 fn project() -> &'static Path {
@@ -21,10 +24,9 @@ const LAYERS: [&str; 5] = ["ground", "trace", "machine", "cluster", "program"];
 
 /// Every file of the layers, in which a parent comes before its children.
 static LIBRARY: LazyLock<Vec<SourceFile>> = LazyLock::new(|| {
-    LAYERS
-        .iter()
-        .flat_map(|layer| crate_files(project(), layer, &Path::new("src").join(layer).join("lib.rs")))
-        .collect()
+    let files =
+        LAYERS.iter().flat_map(|layer| crate_files(project(), layer, &Path::new("src").join(layer).join("lib.rs")));
+    resolve(files.collect())
 });
 
 /// Names that a file must not have: `tokio` is all of that crate, `std::fs` that module, `Instant` and `.mul_add` are names from
@@ -36,7 +38,9 @@ fn breaches(files: &[SourceFile], folder: &str, forbidden: &[&str], but: &[&str]
     for file in files {
         for word in forbidden {
             let is_word = word.contains(['.', '!']) || word.starts_with(char::is_uppercase);
-            if let Some(name) = file.names.iter().find(|name| name.is_in(word)) {
+            // `use std::println as say` is an import of the macro.
+            let full = word.strip_suffix('!').map_or_else(|| (*word).to_owned(), |name| format!("std::{name}"));
+            if let Some(name) = file.names.iter().find(|name| name.is_in(word) || name.is_in(&full)) {
                 found.push(format!("{}:{} names `{name}`", file.path.display(), name.line));
             } else if is_word && file.words.contains(word.trim_start_matches('.')) {
                 found.push(format!("{} names `{word}`", file.path.display()));
@@ -59,77 +63,6 @@ fn forbid(folder: &str, forbidden: &[&str], but: &[&str], why: &str) {
     assert!(found.is_empty(), "{why}:\n{}", found.join("\n"));
 }
 
-/// The modules of ARCHITECTURE.md's code map, and the others that each may name.
-fn code_map(architecture: &str) -> BTreeMap<String, Vec<String>> {
-    let quoted = |text: &str| text.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
-    let mut map = BTreeMap::new();
-    for row in architecture.lines().filter(|line| line.starts_with("| `")) {
-        let columns: Vec<&str> = row.trim_matches('|').split('|').collect();
-        let [modules, _, may_know] = columns[..] else { continue };
-        for module in quoted(modules) {
-            let others = quoted(may_know).into_iter().filter(|other| *other != module).collect();
-            map.insert(module, others);
-        }
-    }
-    map
-}
-
-/// Names of modules of the layers that the code map does not allow where they are.
-fn upward(files: &[SourceFile], map: &BTreeMap<String, Vec<String>>) -> Vec<String> {
-    let mut found = Vec::new();
-    for file in files {
-        let Some(own) = file.module.get(1) else { continue };
-        let Some(allowed) = map.get(own) else {
-            found.push(format!("{}: `{own}` is not in the code map", file.path.display()));
-            continue;
-        };
-        for name in file.names.iter().filter(|name| LAYERS.contains(&name.path[0].as_str()) && name.path.len() > 1) {
-            let (module, other) = (&name.path[..2], &name.path[1]);
-            let is_module = files.iter().any(|file| file.module.starts_with(module));
-            if is_module && other != own && !allowed.contains(other) {
-                found.push(format!("{}:{} names `{name}`", file.path.display(), name.line));
-            }
-        }
-    }
-    found
-}
-
-#[test]
-fn a_module_names_those_that_the_code_map_allows() {
-    let architecture = fs::read_to_string(project().join("ARCHITECTURE.md")).expect("a file");
-    let map = code_map(&architecture);
-    let found = upward(&LIBRARY, &map);
-    assert!(found.is_empty(), "the code map of ARCHITECTURE.md does not allow it:\n{}", found.join("\n"));
-    for module in map.iter().flat_map(|(module, known)| known.iter().chain([module])) {
-        let exists = LIBRARY.iter().any(|file| file.module.get(1) == Some(module));
-        assert!(exists, "the code map names `{module}`, which is no module");
-    }
-    let mut order: Vec<&str> = Vec::new();
-    let mut layer = None;
-    for line in architecture.lines() {
-        let heading = LAYERS.iter().find(|layer| line.contains(&format!("**{}**", capitalised(layer))));
-        layer = heading.or(layer);
-        for module in code_map(line).keys() {
-            let folder = Path::new("src").join(layer.expect("a heading before the first row"));
-            let is_there =
-                LIBRARY.iter().any(|file| file.module.get(1) == Some(module) && file.path.starts_with(&folder));
-            assert!(is_there, "the code map has `{module}` in {}, where it is not", folder.display());
-        }
-    }
-    // Whatever may be known can be put below: the map itself has no circle.
-    while order.len() < map.len() {
-        let next = map.iter().find(|(module, known)| {
-            !order.contains(&module.as_str())
-                && known.iter().all(|known| order.contains(&known.as_str()) || !map.contains_key(known))
-        });
-        order.push(next.unwrap_or_else(|| panic!("the code map has a circle above {order:?}")).0);
-    }
-}
-
-fn capitalised(word: &str) -> String {
-    word[..1].to_uppercase() + &word[1..]
-}
-
 #[test]
 fn files_take_names_from_each_other_in_no_circle() {
     let imports = Imports::of(&LIBRARY);
@@ -139,13 +72,26 @@ fn files_take_names_from_each_other_in_no_circle() {
 
 #[test]
 fn the_core_is_pure() {
-    let impure =
-        ["tokio", "mio", "std::net", "std::time", "std::fs", "std::process", "SystemTime", "Instant", "getrandom"];
+    let impure = [
+        "tokio",
+        "mio",
+        "std::net",
+        "std::time",
+        "std::fs",
+        "std::process",
+        "std::env",
+        "std::thread",
+        "SystemTime",
+        "Instant",
+        "getrandom",
+        "RandomState",
+    ];
     for core in ["src/trace/tracer", "src/trace/oracle", "src/machine/hardware", "src/machine/replay/contention"] {
         forbid(core, &impure, &[], "the core knows no sockets, no clock, no files, no entropy");
         let outer =
             ["cluster::processes", "cluster::protocol", "machine::recording", "cluster::report", "program::cli"];
         forbid(core, &outer, &[], "the core does not know its callers");
+        forbid(core, &["HashMap", "HashSet"], &[], "the order of a hash map is another in every process");
     }
     forbid("src/trace/tracer", &["machine", "cluster::topology"], &[], "the tracer reads through MemoryPort alone");
     let models = ["stack_distance", "curve", "miss_classes", "next_use", "optimal", "recount"];
@@ -200,21 +146,6 @@ fn faults_are_planned_here_and_carried_out_elsewhere() {
 fn studies_replay_and_start_nothing() {
     let outer = ["cluster::processes", "program::cli", "std::net", "SystemTime", "Instant"];
     forbid("src/program/study", &outer, &[], "a study is a function of its scenes");
-}
-
-/// Files that pages and ARCHITECTURE.md name in full.
-#[test]
-fn files_that_the_documentation_names_exist() {
-    let pages =
-        fs::read_dir(project().join("docs/extending")).expect("a folder").map(|page| page.expect("an entry").path());
-    for page in pages.chain([project().join("ARCHITECTURE.md")]) {
-        let text = fs::read_to_string(&page).expect("a file");
-        let roots = ["src/", "tests/", "examples/", "docs/", "fuzz/", "benches/", "scenes/"];
-        let named = text.split('`').skip(1).step_by(2).filter(|name| roots.iter().any(|root| name.starts_with(root)));
-        for name in named.filter(|name| !name.contains([' ', '{', '*'])) {
-            assert!(project().join(name).exists(), "{} names {name}, which is not there", page.display());
-        }
-    }
 }
 
 #[test]
@@ -289,7 +220,18 @@ fn nothing_panics_where_standard_error_a_thread_or_a_descriptor_is_missing() {
 fn programs() -> Vec<SourceFile> {
     let entries = fs::read_dir(project().join("bin")).expect("a readable folder").map(|entry| entry.expect("an entry"));
     let paths = entries.map(|entry| Path::new("bin").join(entry.file_name()));
-    paths.map(|path| crate_files(project(), "program", &path).remove(0)).collect()
+    resolve(paths.map(|path| crate_files(project(), "program", &path).remove(0)).collect())
+}
+
+#[test]
+fn no_spelling_hides_what_is_named() {
+    let programs = programs();
+    let hidden = |file: &SourceFile| {
+        let found = file.hidden.iter().map(|(line, what)| format!("{}:{line} has {what}", file.path.display()));
+        found.collect::<Vec<_>>()
+    };
+    let found: Vec<String> = LIBRARY.iter().chain(&programs).flat_map(hidden).collect();
+    assert!(found.is_empty(), "the other rules cannot follow it:\n{}", found.join("\n"));
 }
 
 #[test]

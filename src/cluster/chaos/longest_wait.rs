@@ -19,7 +19,7 @@ impl LongestWait {
         self.since.get_or_insert(now);
     }
 
-    /// To be told after every event.
+    /// To be called after every event.
     pub fn note(&mut self, now: Duration, progress: Progress) {
         let goes_on = self.tiles_done < progress.tiles;
         if let Some(since) = self.since.filter(|_| goes_on) {

@@ -1,4 +1,4 @@
-//! The display's journal: every tile as it came, appended before anybody is told that it arrived. What is in it need
+//! The display's journal: every tile as it came, appended before its arrival is acknowledged. What is in it need
 //! not be traced again, whoever dies: the display, or the manager with all that it started.
 //!
 //! `format` has the bytes, `reader` takes them from anything and trusts none, `writer` owns the file. docs/journal.md

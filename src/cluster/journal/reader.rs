@@ -156,7 +156,7 @@ fn differences(found: &Subject, expected: &Subject) -> Result<(), HeaderFault> {
     Ok(())
 }
 
-/// Reads until `bytes` are full or the input ends; tells how many were read.
+/// Reads until `bytes` are full or the input ends; returns how many were read.
 fn fill(input: &mut impl Read, bytes: &mut [u8]) -> io::Result<usize> {
     let mut read = 0;
     while read < bytes.len() {

@@ -16,7 +16,7 @@ use trace::picture::AovSet;
 const LOCK_DEADLINE: Duration = Duration::from_secs(3);
 const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
-/// A journal that can be appended to, by nobody else until this is dropped.
+/// A journal that can be appended to, by no other process until this is dropped.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -82,7 +82,7 @@ impl Journal {
         start.map(drop).map_err(|fault| JournalError::Header { path: path.to_owned(), fault })
     }
 
-    /// Appends in one write, so that the operating system has the record before anybody is told. After an error nothing
+    /// Appends in one write, so that the operating system has the record before it is acknowledged. After an error nothing
     /// can be appended any more.
     ///
     /// # Errors
@@ -100,7 +100,7 @@ impl Journal {
         Self { path: path.into(), file }
     }
 
-    /// Cuts off what is not kept, of which there were so many bytes, and stands behind the rest.
+    /// Cuts off what is not kept, of which there were so many bytes, and is behind the rest.
     fn begin(&mut self, kept: u64, subject: &Subject) -> io::Result<u64> {
         let dropped = self.file.metadata()?.len().saturating_sub(kept);
         self.file.set_len(kept)?;
@@ -146,7 +146,7 @@ fn read(
     }
 }
 
-/// Whether the file is ours alone now. Where files cannot be locked, as on some network file systems, nobody can tell.
+/// Whether the file is ours alone now. Where files cannot be locked, as on some network file systems, this is not known.
 fn lock(file: &File) -> io::Result<bool> {
     let deadline = Instant::now() + LOCK_DEADLINE;
     loop {

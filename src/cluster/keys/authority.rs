@@ -51,7 +51,7 @@ impl Authority {
 
     fn with_key(key: KeyPair) -> Result<Self, KeysError> {
         let mut parameters = CertificateParams::default();
-        // A name of its own, so that another authority's certificates are told from forged ones.
+        // A name of its own, so that another authority's certificates are distinguished from forged ones.
         let digest = Sha256::digest(key.public_key_raw());
         let number: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
         parameters.distinguished_name.push(DnType::CommonName, format!("marti authority {number}"));

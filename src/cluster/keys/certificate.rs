@@ -49,7 +49,7 @@ impl Certificate {
         Ok(Self { kind: *kind, roots: Arc::new(roots), own: own.clone(), key, provider })
     }
 
-    /// Whether peers with the same authority will accept it today: better told at once than by each of them.
+    /// Whether peers with the same authority will accept it today: better reported at once than by each of them.
     ///
     /// # Errors
     /// It has expired, or is of another authority or another role.

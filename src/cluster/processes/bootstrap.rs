@@ -42,7 +42,7 @@ pub struct Child {
     /// Of the threads that must not get stuck.
     pub pulse: Pulse,
     tls: Option<Tls>,
-    /// Who is told how it does, if anybody asks.
+    /// Gets its health, where that is served.
     health: Option<watch::Sender<Health>>,
     /// Asked to go.
     leaving: Arc<AtomicBool>,
@@ -139,7 +139,7 @@ impl Child {
         process::exit(1)
     }
 
-    /// Tells whoever looks after this machine: it is ready while its control connection stands.
+    /// Reports its health: it is ready while its control connection is open.
     pub(super) fn tell(&self, ready: bool) {
         let Some(health) = &self.health else { return };
         let (role, epoch) = (self.bootstrap.role, self.bootstrap.epoch.0);

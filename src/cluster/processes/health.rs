@@ -1,4 +1,4 @@
-//! What a process tells of itself to those who look after machines: whether it is ready, and counts, by HTTP on an
+//! What a process reports of itself to monitoring: whether it is ready, and counts, by HTTP on an
 //! address of its own host.
 //!
 //! `/healthz` answers 200 when the process does its work and 503 before; `/metrics` is Prometheus' text format.

@@ -1,4 +1,4 @@
-//! A process that nobody spawned: it asks the manager for a place until it gets one, and begins anew when the run has
+//! A process that was not spawned: it asks the manager for a place until it gets one, and begins anew when the run has
 //! failed under it.
 
 use std::io::ErrorKind;
@@ -54,7 +54,7 @@ pub struct Joining {
     pub advertise: Option<String>,
     /// How long to try.
     pub patience: Duration,
-    /// Where to tell whether it has a place, on this host alone.
+    /// Where to report whether it has a place, on this host alone.
     pub health: Option<SocketAddr>,
 }
 

@@ -15,7 +15,7 @@ const LOOKUP_DEADLINE: Duration = Duration::from_secs(5);
 /// The addresses of a name or an address, those of `like`'s family first.
 ///
 /// # Errors
-/// The name is not known, or nobody answers within 5 s.
+/// The name is not known, or there is no answer within 5 s.
 pub(super) async fn look_up(name: &str, port: u16, like: IpAddr) -> io::Result<SocketAddr> {
     if let Ok(address) = name.parse::<IpAddr>() {
         return Ok((address, port).into());
@@ -35,7 +35,7 @@ pub(super) async fn look_up(name: &str, port: u16, like: IpAddr) -> io::Result<S
     same_family.copied().ok_or_else(|| io::Error::other(format!("{name} has no address")))
 }
 
-/// What others are told of a server that listens at an address: what the topology says; else where it listens, or,
+/// What others get as the address of a server that listens at an address: what the topology says; else where it listens, or,
 /// where that is every interface, the one by which this process `reached` the manager.
 ///
 /// # Errors

@@ -42,7 +42,7 @@ pub struct Bootstrap {
     pub heartbeat_milliseconds: u64,
 }
 
-/// What the manager tells a process: among it, that it lives.
+/// Commands of the manager to a process, heartbeats among them.
 pub trait Command: Message {
     const HEARTBEAT: Self;
 
@@ -89,7 +89,7 @@ reports! { BusReport MasterReport NodeReport DisplayReport }
 pub enum BusCommand {
     Heartbeat,
     Configure(BusConfiguration),
-    /// All tiles are accounted for: close the recording and report. The lost attempts are told so that
+    /// All tiles are accounted for: close the recording and report. The lost attempts are listed so that
     /// their fetches can be counted apart.
     Finish {
         lost: Vec<LostAttempt>,
@@ -298,7 +298,7 @@ pub struct DisplayConfiguration {
     pub fingerprint: [u8; 32],
     /// To check permits, and for receipts.
     pub key: MacKey,
-    /// The image file, ending in `.png`; the others stand beside it under the same stem.
+    /// The image file, ending in `.png`; the others are beside it under the same stem.
     pub image: PathBuf,
     pub exr: bool,
 }

@@ -2,7 +2,7 @@
 //!
 //! A frame is a length (4 bytes, big-endian, of what follows), one message, and raw bulk bytes up to the
 //! frame's end. Bulk bytes (lines, pixels, uploads) never pass through the codec, which would take them
-//! one by one. Integers have fixed width, so that a message's size can be told beforehand.
+//! one by one. Integers have fixed width, so that a message's size is known beforehand.
 
 use bincode::config::{Configuration, Fixint, LittleEndian, standard};
 use bincode::serde::{decode_from_slice, encode_into_std_write};

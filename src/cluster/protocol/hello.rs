@@ -83,7 +83,7 @@ impl RunToken {
         Self(mac::hmac(&self.0, &message).finalize().into_bytes().into())
     }
 
-    /// 64 digits, for a file that nobody else can read.
+    /// 64 digits, for a file that no other user can read.
     pub fn to_hexadecimal(self) -> String {
         self.0.iter().map(|byte| format!("{byte:02x}")).collect()
     }
@@ -120,7 +120,7 @@ impl fmt::Debug for RunToken {
     }
 }
 
-/// How every hello of every version begins, so that a peer of another version can be told which it is.
+/// How every hello of every version begins, so that a peer of another version learns which it is.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct HelloPrelude {
     pub magic: [u8; 8],

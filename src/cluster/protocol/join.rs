@@ -1,4 +1,4 @@
-//! A process that nobody spawned asks the manager for a place. It has said hello with the role that it can play and
+//! A process that was not spawned asks the manager for a place. It has said hello with the role that it can play and
 //! [`Epoch::JOINING`](ground::ids::Epoch::JOINING); once it has a place, it dials anew, as the holder of that.
 
 use serde::{Deserialize, Serialize};

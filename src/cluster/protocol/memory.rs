@@ -27,7 +27,7 @@ pub enum MemoryRequest {
     Bulk { address: Address, bytes: u32 },
     /// By the loader: write the frame's bulk bytes. Answered by [`MemoryReply::Stored`].
     Store { address: Address },
-    /// By the master: a job was handed to a node, or its end was told. Paper traffic, modelled; not answered.
+    /// By the master: a job was handed to a node, or its end was reported. Paper traffic, modelled; not answered.
     Job { node: NodeId, tile: TileId, attempt: Attempt, bytes: u32 },
     /// By a node: a tile's pixel intensities are written, three bytes each. Paper traffic, modelled; not answered.
     Pixels { tile: TileId, attempt: Attempt, bytes: u32 },

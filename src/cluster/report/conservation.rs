@@ -63,10 +63,10 @@ impl NodeBook {
 pub struct ClusterBook {
     /// As errors and checks name it; empty where there is only one.
     pub name: String,
-    /// Attempts that the manager was told are done, needed or not, and what they missed.
+    /// Attempts that were reported done to the manager, needed or not, and what they missed.
     pub told_done: u64,
     pub missed: Counters,
-    /// Attempts that the manager was told are lost.
+    /// Attempts that were reported lost to the manager.
     pub told_lost: u64,
     /// `None`: it did not live to close its books.
     pub bus: Option<BusTotals>,
@@ -114,7 +114,7 @@ impl ClusterBook {
             check(
                 "attempts told lost = lost + stale",
                 self.told_lost,
-                // An attempt is stale when its completion arrives after it was told lost.
+                // An attempt is stale when its completion arrives after it was reported lost.
                 master.attempts_lost + master.attempts_stale,
             );
             check("attempts told done = accepted by the master", self.told_done, master.attempts_accepted);

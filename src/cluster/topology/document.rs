@@ -82,7 +82,7 @@ impl<'a> Document<'a> {
         span.start.checked_sub(self.source.bytes.len() + 1)
     }
 
-    /// The beginning of what stands there.
+    /// The beginning of what is there.
     fn written(&self, span: Range<usize>) -> String {
         const CHARACTERS_MAX: usize = 40;
         let text = match self.override_index(&span).and_then(|index| self.overrides.get(index)) {

@@ -252,7 +252,7 @@ pub struct LocalMemory {
     /// Lines of a set; default: fully associative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ways: Option<Ways>,
-    /// Which line of a full set gives way.
+    /// Which line of a full set is evicted.
     #[serde(deserialize_with = "name")]
     pub replacement: Replacement,
 }

@@ -37,7 +37,7 @@ impl Override {
     /// Sets the key in `root`, making the tables on the way. Everything set gets the place `span`.
     ///
     /// # Errors
-    /// What stands in the way, and what was expected there.
+    /// What is in the way, and what was expected there.
     pub(super) fn apply<'a>(&'a self, root: &mut Spanned<DeValue<'a>>, span: Range<usize>) -> Result<(), String> {
         let mut slot = root;
         for (depth, part) in self.key.iter().enumerate() {

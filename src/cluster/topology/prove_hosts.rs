@@ -148,7 +148,7 @@ fn template_is_sane(template: &[String]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// A server whose address means another machine to its clients is refused here, where the file tells; else the
+/// A server whose address means another machine to its clients is refused here, where the file says so; else the
 /// manager refuses it when it reports that address.
 fn reachable(hosts: &[Host], cluster: &Cluster, document: &Document<'_>) -> Result<()> {
     if hosts.is_empty() {

@@ -379,7 +379,7 @@ impl Serialize for Size {
 }
 
 inline_schema!(Size, |_| {
-    let written = r"^(all|[0-9]+ */ *[0-9]+|[0-9]+(\.[0-9]+)? *(B|KiB|MiB|GiB)?)$";
+    let written = r"^(all|[0-9]+ */ *[0-9]+|[0-9]+(\.[0-9]+)? *(B|KiB|MiB|GiB|TiB)?)$";
     json_schema!({ "oneOf": [
         { "type": "string", "pattern": written },
         { "type": "integer", "minimum": 1, "maximum": BYTES_MAX },

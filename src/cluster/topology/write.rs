@@ -16,7 +16,7 @@ use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
 impl Topology {
-    /// The resolved topology as TOML. The scene's path becomes absolute, so that the text may stand anywhere.
+    /// The resolved topology as TOML. The scene's path becomes absolute, so that the text may be in any folder.
     ///
     /// # Errors
     /// None is known: the file consists of what TOML can hold.

@@ -1,6 +1,6 @@
 //! The bus: requests wait, the arbiter grants one at a time, a completed one becomes a [`Transaction`].
 //!
-//! Who drives it moves the data and tells the time, in nanoseconds since the bus started:
+//! The caller moves the data and gives the time, in nanoseconds since the bus started:
 //!
 //! ```text
 //! request(initiator, request, now)          as requests arrive
@@ -11,7 +11,7 @@
 //! disconnect(initiator)                     when its connection ends
 //! ```
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 use super::arbiter::{Arbiter, Waiting};
 use super::transaction::{Initiator, Request, Transaction};
@@ -76,7 +76,7 @@ pub struct Bus {
     held: bool,
     arrivals: u64,
     stats: BusStats,
-    fetches: HashMap<(TileId, Attempt), FetchCount>,
+    fetches: BTreeMap<(TileId, Attempt), FetchCount>,
 }
 
 impl Bus {
@@ -90,7 +90,7 @@ impl Bus {
             held: false,
             arrivals: 0,
             stats: BusStats::default(),
-            fetches: HashMap::new(),
+            fetches: BTreeMap::new(),
         }
     }
 

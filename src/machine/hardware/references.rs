@@ -14,7 +14,7 @@ use trace::tracer::{MemoryPort, RayKind};
 /// A word of a reference stream.
 ///
 /// Bits 31–30: 0 a read; 1 a write and 2 an invalidation, which no version writes yet, each of the record that bits
-/// 29–0 number; 3 a mark. Bits 29–24 of a mark tell what it marks: 0 a ray's start, its kind in bits 23–0.
+/// 29–0 number; 3 a mark. Bits 29–24 of a mark say what it marks: 0 a ray's start, its kind in bits 23–0.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ReferenceWord(pub u32);
 

@@ -52,7 +52,7 @@ pub enum Request {
     Bulk { address: Address, bytes: u32 },
     /// By the loader.
     Write { address: Address, data: Bytes },
-    /// By the master: a job was handed to a node, or its end was told. Modelled: no data move.
+    /// By the master: a job was handed to a node, or its end was reported. Modelled: no data move.
     Job { node: NodeId, tile: TileId, attempt: Attempt, bytes: u32 },
     /// By a node: a tile's pixel intensities. Modelled: no data move.
     Pixels { tile: TileId, attempt: Attempt, bytes: u32 },
@@ -79,7 +79,7 @@ impl Request {
     }
 }
 
-/// The kinds of transactions that a recording tells apart.
+/// The kinds of transactions that a recording distinguishes.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 #[repr(u8)]
 pub enum Kind {

@@ -44,7 +44,7 @@ fn place(batch: Option<u64>) -> String {
     batch.map_or_else(|| "schema".to_owned(), |batch| format!("batch {batch}"))
 }
 
-/// Rows that stand together.
+/// Rows that are adjacent.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Batch {
     /// From 0.
@@ -82,7 +82,7 @@ pub struct Batches<F> {
 }
 
 impl<F: ReadAt> Batches<F> {
-    /// Reads the schema. [`Self::with_columns`] tells which columns to read.
+    /// Reads the schema. [`Self::with_columns`] says which columns to read.
     ///
     /// # Errors
     /// The stream does not begin with a schema of such columns as recordings have.

@@ -2,7 +2,7 @@
 //! before anything is allocated or read by it.
 //!
 //! ```text
-//! frame:  0xFFFFFFFF | i32 metadata bytes | metadata, a flatbuffer that tells the body's bytes | body
+//! frame:  0xFFFFFFFF | i32 metadata bytes | metadata, a flatbuffer that gives the body's bytes | body
 //! end:    0xFFFFFFFF | 0
 //! ```
 

@@ -1,7 +1,7 @@
 //! What happened in a run, kept as data: Arrow IPC streams, each with a sidecar that says it is whole.
 //!
 //! [`bus_log`] is what crossed the bus, [`references`] what tracers read before any memory saw it. [`frames`] and
-//! [`batches`] read streams that nobody vouches for. docs/recording.md tells how to read them with other tools.
+//! [`batches`] read streams that are not trusted. docs/recording.md says how to read them with other tools.
 
 pub mod batches;
 pub mod bus_log;

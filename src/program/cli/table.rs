@@ -61,7 +61,7 @@ impl Table {
         Ok(Self { json, columns, rows })
     }
 
-    /// In this format. As text, what is the same in all rows of the columns `settings` stands above the table.
+    /// In this format. As text, what is the same in all rows of the columns `settings` is above the table.
     pub(super) fn print(&self, format: Format, settings: &[&str]) -> String {
         match format {
             Format::Text => self.text(settings),

@@ -19,7 +19,7 @@ use trace::tracer::ray::Ray;
 /// Rays that a thread takes at once, all of them in one mesh.
 const PORTION: u64 = 1 << 14;
 
-/// Escapes that are told in full.
+/// Escapes that are reported in full.
 const TOLD: usize = 8;
 
 /// Between two lines on standard error.

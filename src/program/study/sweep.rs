@@ -26,7 +26,7 @@ use trace::tracer::octree::census::Census;
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study sweep 1";
-/// More curves in one chart cannot be told apart.
+/// More curves in one chart cannot be distinguished.
 const CURVES_MAX: usize = 7;
 
 /// All that is found.
@@ -167,7 +167,7 @@ pub fn page(sweep: &Sweep, text: String) -> Page {
     Page { title: format!("Sweep of {}", sweep.topology), introduction: sweep.heading(), figures, text }
 }
 
-/// What stands below a chart of curves.
+/// What is below a chart of curves.
 fn caption(sweep: &Sweep) -> String {
     let left_out = sweep.traffic.len().saturating_sub(CURVES_MAX);
     let left_out = if left_out == 0 { String::new() } else { format!(" {left_out} more are in study.json.") };

@@ -23,7 +23,7 @@ pub use normalisation::Normalisation;
 pub struct Header {
     pub layout: Layout,
     pub normalisation: Normalisation,
-    /// Deepest level that a branch of the octree may stand on; the root is level 0.
+    /// Deepest level that a branch of the octree may be on; the root is level 0.
     pub max_depth: u32,
     /// Polygons, spheres and cones as in the file.
     pub scene_primitives: u64,

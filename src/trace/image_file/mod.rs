@@ -53,11 +53,16 @@ pub fn files(image: &Path, aov: AovSet, exr: bool) -> Vec<PathBuf> {
 }
 
 impl FrameBuffer {
-    /// Writes the image and what was asked for beside it; returns their [`files`]. Each file is there whole or not at all.
+    /// Writes the image as PNG, the planes that it has beside it and, if `exr`, also its exact colours as OpenEXR; returns their
+    /// [`files`]. Each file is there whole or not at all.
     ///
     /// # Errors
-    /// A file cannot be written, or `exr` is asked of a build without it ([`EXR_SUPPORTED`]).
+    /// `image` does not end in `.png`, a file cannot be written, or `exr` is asked of a build without it ([`EXR_SUPPORTED`]).
     pub fn write(&self, image: &Path, exr: bool) -> io::Result<Vec<PathBuf>> {
+        if !image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+            let what = format!("{}: expected a name ending in .png", image.display());
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+        }
         let pixels = self.pixels();
         let (width, height) = (self.width() as usize, self.height() as usize);
         for part in Part::all(self.aov(), exr) {
@@ -91,6 +96,18 @@ mod tests {
             [size("a.b.t.npy"), size("a.b.n.npy"), size("a.b.prim.npy")],
             [128 + 15 * 4, 128 + 15 * 12, 128 + 15 * 4]
         );
+    }
+
+    #[test]
+    fn a_name_of_another_format_is_refused() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let frame = FrameBuffer::new(2, 2, AovSet::default()).expect("a small frame");
+        for name in ["x.jpg", "x", ".png", "x.png.exr"] {
+            let error = frame.write(&folder.path().join(name), false).expect_err(name);
+            assert!(error.to_string().ends_with(&format!("{name}: expected a name ending in .png")), "{error}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+        frame.write(&folder.path().join("x.PNG"), false).expect("a writable folder");
     }
 
     #[test]

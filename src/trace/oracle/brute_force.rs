@@ -41,7 +41,7 @@ pub struct Answer {
     pub candidates: Vec<Candidate>,
 }
 
-/// How a hit of the tracer stands to the answer.
+/// How a hit of the tracer compares with the answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// The same hit, or none, with the relative error of the depth beyond the oracle's own.

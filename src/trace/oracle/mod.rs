@@ -1,4 +1,4 @@
-//! The oracle: what a ray hits, told without the octree and without the tracer's decisions. Slow and exact; the
+//! The oracle: what a ray hits, found without the octree and without the tracer's decisions. Slow and exact; the
 //! tracer is held against it by tests and by `marti verify`. All that both share is how to add without rounding.
 //!
 //! It reads the rounded records of a database and takes the rounded ray, both exact in f64: how far rounding moved

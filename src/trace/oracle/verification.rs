@@ -13,7 +13,7 @@ use crate::tracer::ray::{Ray, Source};
 /// Rays that a kernel is given at once.
 const BATCH: u64 = 256;
 
-/// Faults that are told in full.
+/// Faults that are reported in full.
 const TOLD: usize = 8;
 
 /// What came of some rays.

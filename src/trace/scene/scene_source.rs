@@ -4,13 +4,16 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::procedural::{Kind, Procedural, SIZE_MAX, SizeError};
+use super::procedural::{Kind, Procedural, SizeError};
 use super::{Scene, SourceError, load};
 
+/// A scene file, or a scene that is made by its definition. As text: a path ending in `.nff` or `.obj`, or a name and a size
+/// such as `teapot:12`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SceneSource {
     /// Resolved against the topology file's folder (or the working directory, for an override).
     File(PathBuf),
+    /// Made, not read.
     Procedural(Procedural),
 }
 
@@ -23,6 +26,8 @@ impl SceneSource {
         Procedural::new(kind, size).map(Self::Procedural)
     }
 
+    /// Reads or makes the scene.
+    ///
     /// # Errors
     /// What is wrong with the file.
     pub fn load(&self) -> Result<Scene, SourceError> {
@@ -48,7 +53,7 @@ impl FromStr for SceneSource {
     fn from_str(text: &str) -> Result<Self, String> {
         let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
         if let Ok(kind) = before.parse() {
-            let size = size.map(|size| parse_size(before, size)).transpose()?;
+            let size = size.map(|size| parse_size(kind, size)).transpose()?;
             Self::procedural(kind, size).map_err(|error| error.to_string())
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
@@ -58,9 +63,11 @@ impl FromStr for SceneSource {
     }
 }
 
-fn parse_size(kind: &str, size: &str) -> Result<u32, String> {
-    let number = size.parse().ok().filter(|size| (1..=SIZE_MAX).contains(size));
-    number.ok_or_else(|| format!("size of {kind}: expected an integer from 1 to {SIZE_MAX}"))
+/// A number; whether the kind is made in that size, [`Procedural::new`] decides.
+fn parse_size(kind: Kind, size: &str) -> Result<u32, String> {
+    let sizes = kind.sizes();
+    size.parse()
+        .map_err(|_| format!("size of {kind}: {size:?}, expected an integer from {} to {}", sizes.start(), sizes.end()))
 }
 
 impl fmt::Display for SceneSource {
@@ -99,8 +106,22 @@ mod tests {
         for (text, reason) in [
             ("", NEITHER),
             ("torus:3", NEITHER),
-            ("gears:", "size of gears: expected an integer from 1 to 1000"),
-            ("gears:0", "size of gears: expected an integer from 1 to 1000"),
+            ("gears:", "size of gears: \"\", expected an integer from 1 to 41"),
+            ("teapot:x", "size of teapot: \"x\", expected an integer from 2 to 778"),
+            ("balls:4:4", "size of balls: \"4:4\", expected an integer from 1 to 7"),
+            ("teapot:-1", "size of teapot: \"-1\", expected an integer from 2 to 778"),
+            (
+                "teapot:0",
+                "teapot of size 0: not made, it would be 0 triangles or spheres, expected a size from 2 to 778",
+            ),
+            (
+                "teapot:1",
+                "teapot of size 1: not made, it would be 58 triangles or spheres, expected a size from 2 to 778",
+            ),
+            (
+                "teapot:1001",
+                "teapot of size 1001: not made, it would be 66124058 triangles or spheres, expected a size from 2 to 778",
+            ),
             (
                 "balls:8",
                 "balls of size 8: not made, it would be 48427563 triangles or spheres, expected a size from 1 to 7",

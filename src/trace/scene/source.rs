@@ -1,4 +1,4 @@
-//! The bytes of a file that a person wrote or chose, read with a bound, and where in them something stands.
+//! The bytes of a file that a person wrote or chose, read with a bound, and where in them something is.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};

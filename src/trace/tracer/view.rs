@@ -7,6 +7,7 @@ use crate::database::Header;
 use crate::picture::{ImageSettings, Terminator};
 use crate::scene::{Camera, Light};
 
+/// A camera, the lights, the background and the image settings: what is rendered of a database.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
     pub camera: Camera,

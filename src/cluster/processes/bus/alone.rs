@@ -1,4 +1,4 @@
-//! A bus by itself, without a manager: its memory waits for whoever uploads the image of a recording.
+//! A bus by itself, without a manager: its memory waits for a client that uploads the database of a recording.
 
 use std::fs;
 use std::io::{self, Write};

@@ -25,10 +25,10 @@ const EVENTS_MAX: usize = 512;
 const COMMANDS_MAX: usize = 64;
 /// Rounds between two looks at the sockets: a client that never stops asking must not keep the others from being heard.
 const ROUNDS_MAX: u32 = 256;
-/// How often to look at what no event tells, while there is such.
+/// How often to look at what no event reports, while there is such.
 const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
-/// For the master and the nodes to leave once the end was told.
+/// For the master and the nodes to leave once the end was announced.
 pub const LEAVE_DEADLINE: Duration = Duration::from_millis(500);
 
 /// From the process to its loop.
@@ -147,7 +147,7 @@ impl MemoryLoop {
         self.farewell = Some(farewell);
     }
 
-    /// Serves until told to finish; `None` when the handle was dropped instead. The recording is whole after
+    /// Serves until asked to finish; `None` when the handle was dropped instead. The recording is whole after
     /// the former.
     ///
     /// # Errors
@@ -194,7 +194,7 @@ impl MemoryLoop {
         Ok(told)
     }
 
-    /// The next look at what no event tells: peers that do not read, rows that wait for more rows.
+    /// The next look at what no event reports: peers that do not read, rows that wait for more rows.
     fn timeout(&self) -> Option<Duration> {
         if !self.ready.is_empty() {
             return Some(Duration::ZERO);
@@ -301,7 +301,7 @@ impl MemoryLoop {
         if left == slot(Initiator::Loader)
             && let Some(farewell) = self.farewell.take()
         {
-            // An error means that nobody waits for it.
+            // An error means that it is not awaited.
             let _ = farewell.send(());
         }
     }

@@ -58,10 +58,10 @@ pub enum BusError {
     Unfinished,
 }
 
-/// Serves until the manager says that it is over.
+/// Serves until the manager ends it.
 ///
 /// # Errors
-/// Anything that keeps the bus from going on; the manager was told.
+/// Anything that keeps the bus from going on; it was reported to the manager.
 pub fn run(child: &Child) -> Result<(), ProcessError> {
     let memory = Memory { epoch: child.bootstrap.epoch, pulse: child.pulse.clone(), running: None };
     live::run(child, Control::default(), memory, Arc::default())
@@ -77,7 +77,7 @@ struct Memory {
 struct Running {
     handle: Handle,
     incidents: mpsc::Receiver<String>,
-    /// `None`: it has been told.
+    /// `None`: it has been reported.
     ended: Option<oneshot::Receiver<LoopOutcome>>,
 }
 
@@ -144,7 +144,7 @@ fn start_loop(
         memory_loop.tell_when_the_loader_leaves(farewell);
     }
     let (sender, ended) = oneshot::channel();
-    // An error means that nobody waits for the outcome any more.
+    // An error means that the outcome is not awaited any more.
     thread::Builder::new().name("bus".to_owned()).spawn(move || {
         let beacon = pulse.beacon("bus");
         drop(sender.send(memory_loop.run(&beacon)));

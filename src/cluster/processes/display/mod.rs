@@ -35,7 +35,7 @@ struct Files {
 }
 
 impl Files {
-    /// Begins where the journal ends. Blocks: nobody is served yet.
+    /// Begins where the journal ends. Blocks: no client is served yet.
     fn restore(
         &mut self,
         mut composition: Box<Composition>,
@@ -58,7 +58,7 @@ impl Files {
         let (pulse, wire_bytes) = (self.pulse.clone(), self.wire_bytes.load(Ordering::Relaxed));
         self.writing = Some(Box::pin(async move {
             let written = aside(&pulse, "image", move || {
-                // Locked until the image stands.
+                // Locked until the image is written.
                 let _journal = journal;
                 let Finished { frame, tiles_done, tiles_stale } = composition.finish();
                 // Before the hash: when a run is interrupted, time is short.

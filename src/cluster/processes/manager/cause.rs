@@ -32,7 +32,7 @@ pub(super) enum Cause {
 
 impl Cause {
     /// Whether all that is left to do is to close the books and write the image.
-    pub(super) fn is_peaceful(&self) -> bool {
+    pub(super) fn is_orderly(&self) -> bool {
         matches!(self, Self::Complete | Self::NoNodes)
     }
 }

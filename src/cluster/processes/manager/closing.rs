@@ -134,9 +134,10 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
 
 fn status(cause: Option<&Cause>, imbalance: Option<&str>) -> (Status, Option<String>) {
     match (cause, imbalance) {
-        (Some(Cause::Complete | Cause::NoNodes) | None, Some(imbalance)) => {
-            (Status::Failed, Some(format!("the books do not hold, and the image is not to be relied on: {imbalance}")))
-        }
+        (Some(Cause::Complete | Cause::NoNodes) | None, Some(imbalance)) => (
+            Status::Failed,
+            Some(format!("the counts do not agree, and the image is not to be relied on: {imbalance}")),
+        ),
         (Some(Cause::Complete), None) => (Status::Done, None),
         (Some(Cause::NoNodes) | None, None) => (Status::TilesMissing, None),
         (Some(Cause::Interrupted(_)), _) => (Status::Interrupted, None),
@@ -144,7 +145,7 @@ fn status(cause: Option<&Cause>, imbalance: Option<&str>) -> (Status, Option<Str
     }
 }
 
-/// `None` where no node came so far as to tell what it derived.
+/// `None` where no node reported its hierarchy.
 fn kernel(state: &State) -> Option<Kernel> {
     match state.supervision.plan.cluster.local_memory.size {
         MemorySize::All => {
@@ -154,7 +155,7 @@ fn kernel(state: &State) -> Option<Kernel> {
     }
 }
 
-/// What crossed the buses that lived to tell; `None` where none did.
+/// What crossed the buses that reported at the end; `None` where none did.
 pub(super) fn bus(state: &State) -> Option<Bus> {
     let totals = state.tiles.ledger.books.values().filter_map(|book| book.bus);
     totals.map(Bus::from).reduce(Bus::and)
@@ -180,13 +181,13 @@ pub(super) fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
     node.collect()
 }
 
-/// Who owes whom; `None` when no bus and no master lived to close its books.
+/// Compares the counts; `None` when no bus and no master reported its totals.
 #[cfg(any(test, feature = "testing"))]
 pub(super) fn books(state: &State) -> Option<Conservation> {
     conservation(state, &counted(state), state.supervision.plan.cluster.local_memory.line)
 }
 
-/// `None` when no bus and no master lived to close its books.
+/// `None` when no bus and no master reported its totals.
 fn conservation(state: &State, nodes: &[NodeBook], line_bytes: u32) -> Option<Conservation> {
     let (ledger, queue) = (&state.tiles.ledger, &state.tiles.queue);
     let is_alone = ledger.books.len() == 1;

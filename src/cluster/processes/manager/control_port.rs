@@ -51,7 +51,7 @@ enum Queue {
 }
 
 impl ControlPort {
-    /// What processes tell goes to `events`; who joins, where that is allowed, is led to the `slots`.
+    /// What processes report goes to `events`; who joins, where that is allowed, is led to the `slots`.
     ///
     /// # Errors
     /// The address cannot be bound.
@@ -178,7 +178,7 @@ async fn write<C: control::Command + Sync>(
             Err(_) => C::HEARTBEAT,
         };
         if let Err(error) = sender.send(&command).await {
-            // The reading task tells that the connection has ended.
+            // The reading task reports that the connection has ended.
             tracing::warn!("{error}");
             return;
         }

@@ -1,4 +1,4 @@
-//! What the manager tells of the run while it goes on.
+//! What the manager reports of the run while it goes on.
 
 use super::process::{Process, Stage};
 use super::state::State;

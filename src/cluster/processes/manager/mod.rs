@@ -78,7 +78,7 @@ pub struct RunRequest {
     pub insecure: bool,
     /// Faults on purpose.
     pub chaos: Option<chaos::FaultSchedule>,
-    /// Where to tell health and metrics; of this host alone.
+    /// Where to serve health and metrics; of this host alone.
     pub health: Option<SocketAddr>,
     /// No progress on standard error.
     pub quiet: bool,

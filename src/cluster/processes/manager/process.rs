@@ -57,7 +57,7 @@ impl fmt::Display for ProcessId {
     }
 }
 
-/// What a process tells.
+/// What a process reports.
 #[derive(Clone, PartialEq, Debug)]
 pub(in crate::processes) enum Report {
     Bus(BusReport),
@@ -66,7 +66,7 @@ pub(in crate::processes) enum Report {
     Display(DisplayReport),
 }
 
-/// What a process is told.
+/// Commands to a process.
 #[derive(Clone, PartialEq, Debug)]
 pub(in crate::processes) enum Command {
     Bus(BusCommand),
@@ -100,7 +100,7 @@ pub(super) struct Process {
     pub(super) hung_up: Option<Duration>,
     /// From its start to its connection, where that is not the usual time.
     pub(super) connect_deadline: Option<Duration>,
-    /// It has said that it goes, and why is nobody's fault.
+    /// It has said that it leaves, and nothing failed.
     pub(super) leaving: bool,
     /// Why it was killed, as the rest of a sentence that begins with its name.
     pub(super) killed: Option<String>,

@@ -1,4 +1,4 @@
-//! Who can dial whom: the manager's own address, and the servers' as they are told to their clients.
+//! Who can dial whom: the manager's own address, and the servers' as their clients get them.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -41,7 +41,7 @@ pub(super) fn warn(what: &str) {
     outlet::say(format_args!("warning: {what}"));
 }
 
-/// Why the manager cannot dial a server at the address that it tells, when it has dialled from there.
+/// Why the manager cannot dial a server at the address that it reports, when it has dialled from there.
 pub(super) fn tells_its_own(origin: IpAddr, address: SocketAddr) -> Option<String> {
     means_itself(address, origin).then(|| {
         format!(
@@ -51,12 +51,12 @@ pub(super) fn tells_its_own(origin: IpAddr, address: SocketAddr) -> Option<Strin
     })
 }
 
-/// Whether an address is nobody's but the dialling machine's, told by or to somebody elsewhere.
+/// Whether an address is nobody's but the dialling machine's, reported by or to another machine.
 fn means_itself(address: SocketAddr, elsewhere: IpAddr) -> bool {
     (address.ip().is_loopback() || address.ip().is_unspecified()) && !elsewhere.is_loopback()
 }
 
-/// Why a process that has dialled from there cannot use an address that it is to be told; as the rest of a sentence that
+/// Why a process that has dialled from there cannot use an address that it is to get; as the rest of a sentence that
 /// begins with its name.
 pub(super) fn unreachable(origin: IpAddr, command: &Command) -> Option<String> {
     let (server, address) = servers(command).into_iter().find(|(_, address)| means_itself(*address, origin))?;

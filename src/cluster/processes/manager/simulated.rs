@@ -22,8 +22,8 @@ use trace::tracer::{TraceStats, View};
 
 /// The run that is simulated; one that resumes it has another number.
 pub(in crate::processes) const RUN: RunId = fixture::RUN;
-/// How the failure begins of a run whose books do not hold.
-pub(in crate::processes) const BOOKS: &str = "the books do not hold";
+/// How the failure begins of a run whose counts do not agree.
+pub(in crate::processes) const BOOKS: &str = "the counts do not agree";
 
 /// What is simulated.
 #[derive(Clone, Debug)]
@@ -115,7 +115,7 @@ impl SimulatedManager {
         self.state.tiles.queue.accepted(tile)
     }
 
-    /// How each tile stands that is not done.
+    /// The state of each tile that is not done.
     pub(in crate::processes) fn describe_missing(&self) -> Vec<String> {
         let queue = &self.state.tiles.queue;
         let missing = (0..queue.total()).map(TileId).filter(|tile| queue.accepted(*tile).is_none());
@@ -178,7 +178,7 @@ impl SimulatedManager {
         closing::nodes(&self.state, self.state.supervision.plan.cluster.local_memory.line)
     }
 
-    /// `None` when no bus lived to tell.
+    /// `None` when no bus reported at the end.
     pub(in crate::processes) fn bus(&self) -> Option<Bus> {
         closing::bus(&self.state)
     }
@@ -209,7 +209,7 @@ impl SimulatedManager {
         nodes.into_iter().map(|account| (account.trace, account.memory)).collect()
     }
 
-    /// `None` when no server lived to close its books.
+    /// `None` when no server reported its totals.
     pub(in crate::processes) fn conservation(&self) -> Option<Conservation> {
         closing::books(&self.state)
     }

@@ -1,4 +1,4 @@
-//! The master: owns its cluster's job queue, hands tiles to the nodes that ask, tells what became of them.
+//! The master: owns its cluster's job queue, hands tiles to the nodes that ask, reports what became of them.
 
 pub(in crate::processes) mod dispatcher;
 pub(in crate::processes) mod seat;

@@ -1,5 +1,5 @@
 //! A processing node: asks the master for tiles, traces them through its local memory, sends the pixels to
-//! the display, and tells the master when they have arrived.
+//! the display, and reports to the master when they have arrived.
 
 pub mod bus_lines;
 mod corruption;
@@ -23,7 +23,7 @@ use super::driver::live::{self, ProcessError, Worker};
 /// Works until the manager says that it is over, or SIGTERM that it is to go.
 ///
 /// # Errors
-/// Anything that keeps this node from going on; the manager was told.
+/// Anything that keeps this node from going on; it was reported to the manager.
 pub fn run(child: &Child) -> Result<(), ProcessError> {
     live::run(child, State::new(child.bootstrap.role), TracerWorker { child, tracer: None }, Arc::default())
 }

@@ -134,7 +134,7 @@ impl Tiles {
         self.tracing + self.traced.len()
     }
 
-    /// Whether it was told to go, and holds nothing any more.
+    /// Whether it was asked to leave, and has nothing any more.
     pub fn has_left(&self) -> bool {
         self.leaving && self.tracing == 0 && self.traced.is_empty()
     }

@@ -60,8 +60,7 @@ pub(super) struct Forge {
     pub(super) nodes: u16,
     pub(super) tiles: u32,
     pub(super) manner: Manner,
-    /// `Some`: of all alterations of a message it knows this one, and it makes no messages up. What is wrong about it shows by
-    /// that alone.
+    /// If set, only this alteration is made and no message is invented.
     pub(super) only: Option<u64>,
     /// Attempts whose pixels it made up, finite and under its own permit.
     pub(super) plausible: BTreeSet<(TileId, Attempt)>,

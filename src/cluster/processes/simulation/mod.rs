@@ -5,7 +5,7 @@
 //! schedule (topology, faults) ─▶ world (the manager's shell) ─▶ network (delays, cuts, ends, timers)
 //!                                  host: the driver of every other process ◀┘
 //!                                  tracer, memory, files: its workers
-//!                                  invariants: what must hold when it is over
+//!                                  invariants: what must be true when it is over
 //! ```
 
 pub mod arbitrary;
@@ -62,9 +62,9 @@ pub struct Outcome {
     pub under_way_most: usize,
     /// Tiles of the finished image whose pixels are not what they should be.
     pub wrong_tiles: usize,
-    /// Invariants that do not hold, each with what shows it.
+    /// Invariants that are broken, each with what shows it.
     pub broken: Vec<String>,
-    /// What the report would tell, for a look at what went on.
+    /// The incidents of the report, for a look at what went on.
     pub incidents: Vec<String>,
 }
 

@@ -1,5 +1,5 @@
 //! All processes of a run, and the manager's shell in virtual time: it carries out what the state decides as
-//! `manager/shell.rs` does, and tells it what came of that.
+//! `manager/shell.rs` does, and reports to it what came of that.
 
 mod evidence;
 

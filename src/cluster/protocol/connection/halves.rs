@@ -29,7 +29,7 @@ pub(super) enum ReadHalf {
     Tls(Shared),
 }
 
-/// The peer is told the end when this is dropped.
+/// The stream to the peer ends when this is dropped.
 #[derive(Debug)]
 pub(super) enum WriteHalf {
     Plain(OwnedWriteHalf),
@@ -47,7 +47,7 @@ impl Stream {
         }
     }
 
-    /// Sends each write at once; tells the address of this side.
+    /// Sends each write at once; returns the address of this side.
     pub(super) fn prepare(&self) -> io::Result<SocketAddr> {
         self.tcp().set_nodelay(true)?;
         self.tcp().local_addr()
@@ -104,7 +104,7 @@ impl AsyncRead for ReadHalf {
         match self.get_mut() {
             Self::Plain(reader) => Pin::new(reader).poll_read(cx, into),
             Self::Tls(shared) => match ready!(Pin::new(&mut *lock(shared)).poll_read(cx, into)) {
-                // As of a plain socket: frames tell whether something is missing.
+                // As of a plain socket: frames show whether something is missing.
                 Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Poll::Ready(Ok(())),
                 read => Poll::Ready(read),
             },
@@ -126,7 +126,7 @@ impl Drop for TlsWriter {
         let Some(shared) = self.0.take() else { return };
         let mut stream = lock(&shared);
         let mut cx = Context::from_waker(Waker::noop());
-        // What does not fit the socket's buffer now is not sent; the end of the stream is told in any case.
+        // What does not fit the socket's buffer now is not sent; the end of the stream is sent in any case.
         if Pin::new(&mut *stream).poll_shutdown(&mut cx).is_pending() {
             let _ = Pin::new(stream.get_mut().0).poll_shutdown(&mut cx);
         }

@@ -23,7 +23,7 @@ const STRANGERS_MAX: usize = 256;
 const BACKLOG: u32 = 4096;
 /// Arrivals that the process has not looked at yet.
 const ARRIVALS_MAX: usize = 64;
-/// Refusals that are told one by one: so many, and then so many a period.
+/// Refusals that are reported one by one: so many, and then so many a period.
 const REFUSALS_MAX: u32 = 32;
 const REFUSALS_A_PERIOD: u32 = 2;
 const REFUSALS_PERIOD: Duration = Duration::from_secs(1);
@@ -177,7 +177,7 @@ impl Acceptor {
     }
 }
 
-/// How many refusals are told one by one: a flood of them is told as one.
+/// How many refusals are reported one by one: a flood of them is reported as one.
 struct Told {
     budget: u32,
     untold: u64,

@@ -44,7 +44,7 @@ impl<S> Socket<S> {
         }
     }
 
-    /// Whether more may wait than a read has told that did not fill its buffer. Under TLS a read hands out a record,
+    /// Whether more may wait than a read has shown that did not fill its buffer. Under TLS a read hands out a record,
     /// and more of them may be there.
     pub fn holds_more(&self) -> bool {
         match self {
@@ -85,7 +85,7 @@ impl<S: Read + Write> TlsSocket<S> {
         loop {
             match self.session.reader().read(into) {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                // As of a plain socket: frames tell whether something is missing, and no conversation takes its end for
+                // As of a plain socket: frames show whether something is missing, and no conversation takes its end for
                 // a message.
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(0),
                 read => return read,

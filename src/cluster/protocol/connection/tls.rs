@@ -66,7 +66,7 @@ impl Tls {
         Ok(Self { client: Arc::new(client), server: Arc::new(server) })
     }
 
-    /// Where the other side refuses this process, the first read tells.
+    /// Where the other side refuses this process, the first read fails.
     pub(super) async fn connect(&self, kind: RoleKind, stream: TcpStream) -> Result<TlsStream<TcpStream>, Fault> {
         let name = certified_name(kind).map_err(|error| Fault::Tls(error.to_string()))?;
         Ok(TlsConnector::from(Arc::clone(&self.client)).connect(name, stream).await.map_err(broken_off)?.into())
@@ -91,7 +91,7 @@ impl Tls {
         Ok(Socket::tls(session.into(), stream))
     }
 
-    /// Also tells the role that the peer's certificate names.
+    /// Also returns the role that the peer's certificate names.
     pub(super) async fn accept(&self, stream: TcpStream) -> Result<(TlsStream<TcpStream>, Option<RoleKind>), Fault> {
         match TlsAcceptor::from(Arc::clone(&self.server)).accept(stream).into_fallible().await {
             Ok(stream) => {

@@ -3,8 +3,8 @@
 use super::Geometry;
 use crate::hardware::replacement::Replacement;
 
-/// The tags of a local memory. Given the same references it decides the same hits and victims whether or
-/// not data stand behind it.
+/// The tags of a local memory. Given the same references it decides the same hits and victims, with data or
+/// without.
 #[derive(Debug)]
 pub struct Directory<R> {
     geometry: Geometry,
@@ -52,7 +52,7 @@ impl<R: Replacement> Directory<R> {
     /// References a line, and gives it a slot if it has none.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `database_lines`.
+    /// `line` is not below the geometry's `database_lines`, or the policy's victim is not a slot of its set.
     #[inline(always)]
     pub fn reference(&mut self, line: u32) -> Reference {
         let Some(slot) = self.slot(line) else { return self.fill(line, line % self.geometry.sets) };
@@ -76,6 +76,10 @@ impl<R: Replacement> Directory<R> {
     }
 
     /// Gives a line that is not in the memory a slot of this set, which is the line's own.
+    ///
+    /// # Panics
+    /// `line` is not below the geometry's `database_lines`, `set` is not below its `sets`, or the policy's victim is not a slot
+    /// of the set.
     #[inline(always)]
     pub fn miss(&mut self, line: u32, set: u32) {
         self.fill(line, set);
@@ -99,6 +103,12 @@ impl<R: Replacement> Directory<R> {
             (set * self.geometry.ways + *filled - 1, None)
         } else {
             let slot = self.replacement.victim(set);
+            let first = set * self.geometry.ways;
+            assert!(
+                (first..first + self.geometry.ways).contains(&slot),
+                "the replacement policy evicts from slot {slot}, expected one of set {set}, {first} to {}",
+                first + self.geometry.ways - 1
+            );
             let evicted = self.lines[slot as usize];
             self.slots[evicted as usize] = 0;
             (slot, Some(evicted))
@@ -139,6 +149,27 @@ mod tests {
         assert_eq!(directory.slot(3), Some(0));
         directory.hit(0);
         assert_eq!(directory.reference(1), Reference::Miss { slot: 1, evicted: Some(0) });
+    }
+
+    #[test]
+    #[should_panic(expected = "evicts from slot 2, expected one of set 0, 0 to 1")]
+    fn a_victim_of_another_set_is_named() {
+        struct Astray;
+        impl Replacement for Astray {
+            fn new(_sets: u32, _ways: u32, _seed: u64) -> Self {
+                Self
+            }
+            fn hit(&mut self, _slot: u32) {}
+            fn victim(&mut self, _set: u32) -> u32 {
+                2
+            }
+            fn fill(&mut self, _slot: u32) {}
+        }
+        let geometry = Geometry { line_bytes: 16, database_lines: 8, sets: 2, ways: 2 };
+        let mut directory = Directory::<Astray>::new(geometry, 0);
+        for line in [0, 2, 4] {
+            directory.reference(line);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The local memory of a processing node: a cache of lines that the tracer reads through.
 //!
-//! How large it is says its [`Geometry`], what is in it its [`Directory`]; what is missing comes from a
+//! Its [`Geometry`] gives its size, its [`Directory`] the lines that are in it; what is missing comes from a
 //! [`LineSource`]. Each read of a record references its lines in ascending order. The missing ones are
 //! fetched as one transaction; a line may be driven out again by a later line of the same record, and
 //! the record is right all the same.
@@ -58,7 +58,7 @@ pub struct LocalMemory<R, S> {
     data: Vec<u32>,
     /// The line's words are 2 to this power.
     line_shift: u32,
-    /// The bits of a word's address that tell the place in a line.
+    /// The bits of a word's address that give the place in a line.
     offset_mask: u32,
     sections: [SectionWords; Section::COUNT],
     source: S,

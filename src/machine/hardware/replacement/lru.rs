@@ -6,7 +6,7 @@ use super::Replacement;
 ///
 /// A reference only writes down when it was. The slots of a full set are put in the order of their times at the first
 /// victim, and again when all have had their turn: whatever was referenced since is newer than all of these, and is
-/// passed over. Each slot in that order stands for one reference at least, to it or that filled it, so that ordering
+/// passed over. Each slot in that order is one reference at least, to it or that filled it, so that ordering
 /// costs O(log ways) a reference, and much less where lines are referenced often.
 #[derive(Debug)]
 pub struct Lru {
@@ -19,7 +19,7 @@ pub struct Lru {
     sets: Vec<Turn>,
 }
 
-/// Where a set stands in its order.
+/// The place of a set in its order.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     /// The next way of the order to be looked at; the number of ways if none is left.

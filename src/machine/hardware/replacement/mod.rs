@@ -1,4 +1,4 @@
-//! Which line of a full set gives way. A hit is O(1); a victim is too,
+//! Which line of a full set is evicted. A hit is O(1); a victim is too,
 //! amortised over references, but for LRU's logarithm.
 
 mod clock;
@@ -13,14 +13,20 @@ pub use random::Random;
 
 /// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
 /// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
+///
+/// # Contract
+/// A hit on the line that was hit last, with nothing in between, changes nothing: [`Self::hit`] of the same slot again leaves
+/// all later victims as they are. A replay leaves such a call out, and a local memory does not, so that only a policy that keeps
+/// this has the same misses in both. A policy that counts each hit, such as LFU, does not keep it: let it count changes of line
+/// instead, that is, remember the slot that was hit last and ignore it the next time.
 pub trait Replacement {
     /// For `sets` sets of `ways` slots, none filled; `seed` decides what is random.
     fn new(sets: u32, ways: u32, seed: u64) -> Self;
 
-    /// The line in `slot` was referenced.
+    /// The line in `slot` was referenced. Repeated at once, it changes nothing.
     fn hit(&mut self, slot: u32);
 
-    /// The slot of a full set whose line gives way. [`Self::fill`] of the same slot follows.
+    /// The slot of a full set whose line is evicted, one of that set's. [`Self::fill`] of the same slot follows.
     fn victim(&mut self, set: u32) -> u32;
 
     /// A line was placed in `slot`, which was empty or the victim.
@@ -121,7 +127,63 @@ mod tests {
         }
     }
 
+    /// Per reference whether it missed, when a hit is repeated at once: `repeats` times, twice as often, or not, in turn.
+    fn misses_of_repeated<R: Replacement>(ways: u32, references: &[u32], repeats: usize) -> Vec<bool> {
+        let mut directory = Directory::<R>::new(geometry(2, ways), 1);
+        let missed = |(i, &line): (usize, &u32)| match directory.reference(line) {
+            Reference::Miss { .. } => true,
+            Reference::Hit { slot } => {
+                (0..repeats * (i % 3)).for_each(|_| directory.hit(slot));
+                false
+            }
+        };
+        references.iter().enumerate().map(missed).collect()
+    }
+
+    /// Counts hits, which is what the contract of [`Replacement`] excludes.
+    struct Counting {
+        ways: u32,
+        hits: Vec<u32>,
+    }
+
+    impl Replacement for Counting {
+        fn new(sets: u32, ways: u32, _seed: u64) -> Self {
+            Self { ways, hits: vec![0; (sets * ways) as usize] }
+        }
+
+        fn hit(&mut self, slot: u32) {
+            self.hits[slot as usize] += 1;
+        }
+
+        fn victim(&mut self, set: u32) -> u32 {
+            let slots = set * self.ways..(set + 1) * self.ways;
+            slots.min_by_key(|&slot| self.hits[slot as usize]).expect("at least one way")
+        }
+
+        fn fill(&mut self, slot: u32) {
+            self.hits[slot as usize] = 0;
+        }
+    }
+
+    #[test]
+    fn a_policy_that_counts_hits_does_not_keep_the_contract() {
+        let references = [0, 2, 0, 2, 4, 0];
+        let once = misses_of_repeated::<Counting>(2, &references, 0);
+        assert!((1..4).any(|repeats| misses_of_repeated::<Counting>(2, &references, repeats) != once));
+    }
+
     proptest! {
+        #[test]
+        fn a_hit_that_is_repeated_changes_nothing(
+            references in prop::collection::vec(0u32..24, 0..300), ways in 1u32..9, repeats in 1usize..4,
+        ) {
+            let all = [misses_of_repeated::<Lru>, misses_of_repeated::<Fifo>, misses_of_repeated::<Clock>,
+                       misses_of_repeated::<Random>];
+            for policy in all {
+                prop_assert_eq!(policy(ways, &references, repeats), policy(ways, &references, 0));
+            }
+        }
+
         #[test]
         fn a_larger_lru_memory_never_misses_more(
             references in prop::collection::vec(0u32..64, 0..400), ways in 1u32..16, more in 1u32..16,

@@ -9,7 +9,7 @@ use super::MemorySize;
 pub const BYTES_MAX: u64 = 1 << 40;
 
 /// From the largest, so that the first that divides a size is the shortest way to write it.
-const UNITS: [(&str, u64); 4] = [("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10), ("B", 1)];
+const UNITS: [(&str, u64); 5] = [("TiB", 1 << 40), ("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10), ("B", 1)];
 
 /// The text is not a size; [`MemorySize::ACCEPTED`] says what is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -91,6 +91,8 @@ mod tests {
             ("64KiB", Ok(MemorySize::Bytes(65_536))),
             ("1.5 MiB", Ok(MemorySize::Bytes(1_572_864))),
             ("1024 GiB", Ok(MemorySize::Bytes(1 << 40))),
+            ("1 TiB", Ok(MemorySize::Bytes(1 << 40))),
+            ("0.5 TiB", Ok(MemorySize::Bytes(1 << 39))),
         ] {
             assert_eq!(text.parse(), size, "{text}");
         }
@@ -112,6 +114,8 @@ mod tests {
             "0 KiB",
             "0.3 KiB",
             "1025 GiB",
+            "1.5 TiB",
+            "2 TiB",
             "4 kB",
             "4 KB",
             "KiB",
@@ -132,7 +136,7 @@ mod tests {
     #[test]
     fn bytes_are_written_in_the_largest_unit_that_divides_them() {
         for (bytes, text) in
-            [(4096, "4 KiB"), (4097, "4097 B"), (1_572_864, "1536 KiB"), (1 << 30, "1 GiB"), (1 << 40, "1024 GiB")]
+            [(4096, "4 KiB"), (4097, "4097 B"), (1_572_864, "1536 KiB"), (1 << 30, "1 GiB"), (1 << 40, "1 TiB")]
         {
             assert_eq!(MemorySize::Bytes(bytes).to_string(), text);
         }

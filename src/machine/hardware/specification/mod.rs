@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 pub use self::memory_size::{BYTES_MAX, NotASize};
 use ground::ids::{ClusterId, NodeId};
 
+/// Clusters of one kind: how many, and what each is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
     /// Clusters of this kind, each with a bus, a master and nodes of its own, 1 to 64.
@@ -61,13 +62,16 @@ impl Processor {
     pub const DEFAULT: Self = Self { octree_node: 20, primitive_test: 60, shading: 200, local_access: 1 };
 }
 
+/// The local memory of a processing node: a cache of lines of the database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LocalMemory {
+    /// How much of the database it can have at a time.
     pub size: MemorySize,
     /// Bytes, a power of two, 16 to 256.
     pub line: u32,
     /// Lines a set; `None`: fully associative.
     pub ways: Option<u32>,
+    /// Which line of a full set is evicted.
     pub replacement: Replacement,
 }
 
@@ -76,21 +80,23 @@ impl LocalMemory {
     pub const LINES_MIN: u64 = 16;
 }
 
+/// The size of a local memory. As text: `all`, a share such as `1/8`, or a number of bytes such as `64 KiB`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MemorySize {
     /// The renderer's mode: the database is pulled once, then read without a check.
     All,
     /// Of the database's bytes, above 0 and at most 1.
-    Share {
-        numerator: u32,
-        denominator: u32,
-    },
+    Share { numerator: u32, denominator: u32 },
+    /// 1 to [`BYTES_MAX`].
     Bytes(u64),
 }
 
+/// Which line of a full set is evicted: the least recently used one, the one that was filled first, the next one that clock's
+/// hand finds unreferenced, or one at random.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Replacement {
+    // No text on the variants: the topology's schema would list them one by one.
     Lru,
     Fifo,
     Clock,
@@ -104,8 +110,10 @@ impl fmt::Display for Replacement {
     }
 }
 
+/// The bus of a cluster: who is granted it, and what a transaction costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bus {
+    /// Decides which of the waiting requests is granted.
     pub arbiter: Arbiter,
     /// Bytes of a bus word, a power of two, 1 to 64. This and what follows is a model as [`Processor`] is.
     pub width: u32,

@@ -1,6 +1,6 @@
 //! What crossed the bus: `bus.arrows`, an Arrow IPC stream, and its sidecar `bus.json`.
 //!
-//! docs/recording.md tells how to read them. The columns are in `format` and `rows`, the files in `row_stream`, the
+//! docs/recording.md says how to read them. The columns are in `format` and `rows`, the files in `row_stream`, the
 //! queue and the thread behind it in `writer`; `reader` gives back what was written, as far as it can be used.
 
 mod format;

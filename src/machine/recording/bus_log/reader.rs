@@ -229,7 +229,7 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
     if path.extension().is_some_and(|extension| extension == "partial") {
         return Err(lost("the bus was ended before it could finish this file".to_owned()));
     }
-    // Without it nothing tells whether bytes were altered.
+    // Without it nothing shows whether bytes were altered.
     let (sidecar, _) = sidecar::read::<Sidecar>(folder).map_err(|fault| {
         let max = Sidecar::BYTES_MAX;
         altered(match fault {

@@ -164,7 +164,7 @@ impl Writer {
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.sender.is_some() {
-            // What failed was told by `push` already; a drop can only do its best.
+            // What failed was returned by `push` already; a drop can only do its best.
             let _ = self.flush();
             self.sender = None;
             let _ = self.result();

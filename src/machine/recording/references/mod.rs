@@ -1,6 +1,6 @@
 //! Every reference that nodes made, kept as data: one Arrow IPC stream a node process, and a sidecar for all.
 //!
-//! docs/recording.md tells how to read them. A node writes with [`Writer`]; the manager, when all is done, what holds
+//! docs/recording.md says how to read them. A node writes with [`Writer`]; the manager, when all is done, what holds
 //! for all of it ([`Sidecar`]); [`Recording`] reads both and is what is replayed.
 
 mod conditions;

@@ -58,7 +58,7 @@ pub(super) struct Scan {
     pub(super) fault: Option<String>,
 }
 
-/// A row, whose words stand in its batch.
+/// A row, whose words are in its batch.
 struct Row<'a> {
     tile: TileId,
     attempt: Attempt,

@@ -1,6 +1,6 @@
 //! What a process that was killed while it wrote leaves at the end of its file: a part of a frame.
 //!
-//! No accepted tile is in it, as a tile's rows are handed to the operating system before its end is told.
+//! No accepted tile is in it, as a tile's rows are handed to the operating system before its end is reported.
 
 use std::fs::{self, File};
 use std::io;

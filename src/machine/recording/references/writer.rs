@@ -1,6 +1,6 @@
 //! Writes the references of one node process, tile by tile.
 //!
-//! A tile's rows are handed to the operating system before its end is told, so that a process that is killed takes no
+//! A tile's rows are handed to the operating system before its end is reported, so that a process that is killed takes no
 //! accepted tile with it. Writing is part of tracing, on the same thread: memory at the speed of a copy.
 
 use std::io::BufWriter;
@@ -24,7 +24,7 @@ pub struct Writer {
     tile: TileId,
     attempt: Attempt,
     part: u32,
-    /// The first error; it is told at the end of the tile.
+    /// The first error; it is returned at the end of the tile.
     error: Option<ArrowError>,
 }
 
@@ -53,7 +53,7 @@ impl Writer {
         (self.tile, self.attempt, self.part) = (tile, attempt, 0);
     }
 
-    /// Writes a part of the tile that is not its last. An error is told at the tile's end.
+    /// Writes a part of the tile that is not its last. An error is returned at the tile's end.
     pub fn part(&mut self, words: &[u32]) {
         self.write(words, None);
     }

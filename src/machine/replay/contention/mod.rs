@@ -1,8 +1,8 @@
 //! What nodes that share a bus cost one another, in cycles. Pure and synchronous: time is what the simulation says.
 //!
-//! A [`Workload`] tells what each node does: it computes for so many cycles ([`ReadCycles`]), then asks for the bus and
-//! waits for its answer ([`Service`]), and so on. [`simulate`] plays all nodes against one bus, tells an [`Observer`] of
-//! each step and ends with an [`Outcome`]; [`ClosedNetwork`] says what queueing theory expects of the same figures.
+//! A [`Workload`] says what each node does: it computes for so many cycles ([`ReadCycles`]), then asks for the bus and
+//! waits for its answer ([`Service`]), and so on. [`simulate`] plays all nodes against one bus, reports each step to an
+//! [`Observer`] and ends with an [`Outcome`]; [`ClosedNetwork`] says what queueing theory expects of the same figures.
 
 mod closed_network;
 mod cost;

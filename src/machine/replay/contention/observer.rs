@@ -1,4 +1,4 @@
-//! Who is told of a simulation as it goes: what draws time lines.
+//! Gets the steps of a simulation as it goes: what draws time lines.
 
 use super::Cycle;
 use crate::hardware::transaction::Kind;

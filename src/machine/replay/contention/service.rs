@@ -42,7 +42,7 @@ impl Service {
         u64::from(bytes).div_ceil(self.width) * self.cycles_per_word
     }
 
-    /// From the grant to the last word, when nobody else uses the bus.
+    /// From the grant to the last word, when no other request uses the bus.
     pub fn unloaded_cycles(&self, bytes: u32) -> Cycle {
         self.address_cycles() + self.latency + self.data_cycles(bytes)
     }

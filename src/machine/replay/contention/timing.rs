@@ -52,7 +52,7 @@ pub fn simulate_setting<S: Subject>(
     Ok((Timing::of(&outcomes), totals))
 }
 
-/// Simulates one cluster's bus; `observer` and `on_step` are told of every step.
+/// Simulates one cluster's bus; `observer` and `on_step` get every step.
 ///
 /// # Errors
 /// As for [`simulate_setting`].

@@ -67,7 +67,7 @@ struct Node<'a, S: Subject, R> {
 enum Doing {
     Nothing,
     Tracing,
-    /// The pixels are written; the end is to be told.
+    /// The pixels are written; the end is to be reported.
     Ending,
 }
 

@@ -22,7 +22,7 @@ pub struct Transaction {
     pub bytes: u32,
 }
 
-/// What all nodes do, told on demand and in the order of simulated time.
+/// What all nodes do, given on demand and in the order of simulated time.
 ///
 /// One workload serves all nodes, so that what they share (a queue of tiles, say) is a field of it:
 ///

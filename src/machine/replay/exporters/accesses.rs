@@ -10,7 +10,7 @@ use trace::database::{Layout, Section};
 use trace::picture::Tiling;
 use trace::tracer::RayKind;
 
-/// What was recorded beside the references, and tells what they are.
+/// What was recorded beside the references, and says what they are.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
     pub layout: &'a Layout,

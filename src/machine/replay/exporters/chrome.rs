@@ -137,7 +137,7 @@ impl<W: Write> Events<W> {
         ));
     }
 
-    /// Writes an event, given what stands between its braces.
+    /// Writes an event, given what is between its braces.
     fn write(&mut self, fields: fmt::Arguments) {
         if self.outcome.is_ok() {
             let comma = if std::mem::take(&mut self.first) { "" } else { "," };

@@ -1,6 +1,6 @@
 //! A simulated bus as a Value Change Dump (IEEE 1364-2005, clause 18), which viewers of wave forms open.
 //!
-//! A nanosecond stands for a cycle. Of what changes more than once in a cycle, the last value is told. One file is one
+//! A nanosecond stands for a cycle. Of what changes more than once in a cycle, the last value is written. One file is one
 //! cluster's bus.
 
 use std::cell::RefCell;

@@ -9,7 +9,7 @@ use super::text_file::{TextFile, hexadecimal, number, quoted};
 use trace::scene::SourceError;
 
 /// Reads a trace whose first line names its columns. Without `bytes` a reference is to the line that its address lies
-/// in. Fields may stand in quotation marks, but not go on over the end of a line.
+/// in. Fields may be in quotation marks, but not go on over the end of a line.
 ///
 /// # Errors
 /// The place of what is wrong, and what was expected.

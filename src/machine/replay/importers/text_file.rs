@@ -72,7 +72,7 @@ pub(super) fn number(digits: &[u8], radix: u32) -> Option<u64> {
     u64::from_str_radix(text, radix).ok()
 }
 
-/// What stands after `0x`.
+/// What is after `0x`.
 pub(super) fn hexadecimal(bytes: &[u8]) -> Option<&[u8]> {
     bytes.strip_prefix(b"0x").or_else(|| bytes.strip_prefix(b"0X"))
 }

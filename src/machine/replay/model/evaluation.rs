@@ -44,7 +44,7 @@ pub struct Row {
     pub reason: Option<String>,
 }
 
-/// Why nobody can tell what a live run would count.
+/// Why it is not known what a live run would count.
 const ON_DEMAND: &str =
     "on demand, tiles go to the nodes that are first by the topology's cost model, which no live run follows exactly";
 

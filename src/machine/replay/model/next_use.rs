@@ -1,4 +1,4 @@
-//! When a line is referenced again, which only the future tells: from the end of a trace back to its beginning.
+//! When a line is referenced again, which only the future shows: from the end of a trace back to its beginning.
 //!
 //! A first pass goes back over the parts and writes down, for each, the lines that it uses, and when each of these is
 //! used next after the part. That is a small fraction of the references, and goes to an unnamed temporary file. A

@@ -8,7 +8,7 @@ use crate::replay::stream::lines::{SPANS_MAX, Spans};
 use crate::replay::{Lines, Trace, TraceError};
 use trace::tracer::RayKind;
 
-/// What is told of a replay as it goes.
+/// Gets what a replay counts, as it goes.
 pub trait Tally {
     /// A tile begins: its index in the trace.
     fn tile(&mut self, tile: u32);
@@ -22,7 +22,8 @@ pub trait Tally {
 pub struct Replayer<'a, R, L> {
     lines: &'a L,
     directory: Directory<R>,
-    /// The line of the last reference, if that was a hit. No policy learns anything from hitting it again at once.
+    /// The line of the last reference, if that was a hit. By the contract of [`Replacement`] hitting it again at once changes
+    /// nothing, so that the policy is not called.
     hit_last: u32,
     words: Vec<u32>,
 }
@@ -32,8 +33,15 @@ const NO_LINE: u32 = u32::MAX;
 
 impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// An empty memory. `geometry` is one of the same lines; `seed` decides random replacement.
+    ///
+    /// # Panics
+    /// `geometry` has another number of lines than `lines`: it is of another database, or of another line size.
     pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Self {
-        assert_eq!(geometry.database_lines, lines.count(), "a memory's geometry is resolved for its lines");
+        assert_eq!(
+            geometry.database_lines,
+            lines.count(),
+            "lines of the memory's geometry beside those of the records, expected the same line size and database"
+        );
         Self { lines, directory: Directory::new(geometry, seed), hit_last: NO_LINE, words: Vec::new() }
     }
 
@@ -47,6 +55,9 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     ///
     /// # Errors
     /// The trace's. The memory has seen some of the tile then.
+    ///
+    /// # Panics
+    /// The trace has no such tile.
     pub fn tile(&mut self, trace: &(impl Trace + ?Sized), tile: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
         tally.tile(tile);
         let mut words = std::mem::take(&mut self.words);
@@ -135,7 +146,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     }
 }
 
-/// Tells of a word that is no read.
+/// Counts a word that is no read.
 fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
     match ReferenceWord(word).decode() {
         Some(Event::Ray(kind)) => tally.ray(kind),
@@ -154,6 +165,7 @@ pub struct Sum<'a, T: ?Sized> {
 }
 
 impl<'a, T: Trace + ?Sized> Sum<'a, T> {
+    /// Of a replay of this trace.
     pub fn new(trace: &'a T) -> Self {
         Self { trace, accepted: false, now: Counters::default(), totals: Counters::default() }
     }

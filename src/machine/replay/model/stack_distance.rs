@@ -1,6 +1,6 @@
 //! LRU stack distances (Mattson, Gecsei, Slutz, Traiger 1970).
 //!
-//! Each reference takes the next time. A bit by time tells whether it is the latest reference to its line; the set bits
+//! Each reference takes the next time. A bit by time says whether it is the latest reference to its line; the set bits
 //! after a line's own are the lines referenced since. Tracing is very local: most lines were referenced within the
 //! newest two words of that bitmap, and their distances are found there without a branch. The others are looked up
 //! behind these in a tree of counts of fan-out 64. When times run out, the set bits are numbered anew.

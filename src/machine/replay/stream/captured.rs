@@ -10,7 +10,7 @@ use trace::picture::{AovSet, Tiling};
 use trace::tracer::slices::Slices;
 use trace::tracer::{TileTracer, View};
 
-/// For tests and benchmarks: its memory is that of all references.
+/// The references of an image that is traced now, all of them in memory: 4 bytes each.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Captured {
     pub tiles: Vec<TracedTile>,
@@ -22,8 +22,15 @@ impl Captured {
     /// Traces all tiles in order, each once, as if tile `i` were traced by node `i mod nodes`; all are accepted.
     ///
     /// # Panics
-    /// There are no nodes.
+    /// There are no nodes, or `tiling` is not of the view's image.
     pub fn capture(database: &Verified, view: &View, tiling: Tiling, mailbox: bool, nodes: u16) -> Self {
+        assert!(nodes > 0, "a capture for 0 nodes, expected at least 1");
+        let sides = tiling.sides();
+        assert_eq!(
+            (sides.width, sides.height),
+            (view.image.width(), view.image.height()),
+            "the tiling's image beside the view's, expected the same width and height"
+        );
         let header = &database.database().header;
         let numbers = RecordNumbers::new(&header.layout);
         let mut tracer = TileTracer::new(header, view, mailbox);
@@ -81,6 +88,17 @@ pub(crate) mod tests {
         let tiling = Tiling::new(Sides { width: side, height: side, tile_width: 8, tile_height: 8 }).expect("possible");
         let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, nodes);
         (prepared.database, captured)
+    }
+
+    #[test]
+    #[should_panic(expected = "expected the same width and height")]
+    fn a_tiling_of_another_image_is_refused() {
+        let (database, _) = teapot(8, 1);
+        let image = ImageSettings::new(8, 8, 4, 0.01).expect("possible");
+        let scene = "teapot".parse::<trace::scene::SceneSource>().expect("a scene").load().expect("procedural");
+        let view = preparation::view(&scene, &preparation::Fallback::default(), |_| Ok(image)).expect("a view");
+        let tiling = Tiling::new(Sides { width: 16, height: 8, tile_width: 8, tile_height: 8 }).expect("possible");
+        Captured::capture(&database, &view, tiling, true, 1);
     }
 
     #[test]

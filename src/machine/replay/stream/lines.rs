@@ -64,8 +64,15 @@ pub struct RecordLines {
 }
 
 impl RecordLines {
-    /// `line_bytes` is a power of two, 16 to 256.
+    /// Of a database with this layout, in lines of so many bytes: a power of two, 16 to 256.
+    ///
+    /// # Panics
+    /// There are no lines of that size.
     pub fn new(layout: &Layout, line_bytes: u32) -> Self {
+        assert!(
+            line_bytes.is_power_of_two() && (16..=256).contains(&line_bytes),
+            "a line of {line_bytes} bytes: expected a power of two, 16 to 256"
+        );
         let numbers = RecordNumbers::new(layout);
         let words = Section::ALL.map(|section| section.record_bytes() as u32 / 4);
         let offset = Section::ALL.map(|section| {

@@ -123,7 +123,7 @@ fn curves_of<S: Subject>(
     Ok(())
 }
 
-/// Recomputes a sample of the curve, and tells of what does not agree.
+/// Recomputes a sample of the curve, and reports what does not agree.
 fn check<S: Subject>(
     subject: &S,
     tiles: &[u32],

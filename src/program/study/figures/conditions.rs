@@ -1,4 +1,4 @@
-//! What stands beside every figure: all that was chosen where the paper leaves it open.
+//! What is beside every figure: all that was chosen where the paper leaves it open.
 
 use std::fmt;
 

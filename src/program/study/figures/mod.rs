@@ -1,4 +1,4 @@
-//! What is found: one figure or table a file, and the conditions that stand beside each.
+//! What is found: one figure or table a file, and the conditions beside each.
 
 pub mod conditions;
 pub mod contention;

@@ -40,7 +40,7 @@ pub struct CurvePoint {
     pub bus_bytes: u64,
 }
 
-/// What is told on the bus besides data of the scene. It does not depend on the local memories.
+/// What crosses the bus besides data of the scene. It does not depend on the local memories.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Messages {
     pub job_bytes: u64,
@@ -61,7 +61,7 @@ pub struct Size {
     pub bus_bytes: u64,
 }
 
-/// Why a memory's traffic cannot be told.
+/// Why a memory's traffic is not known.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum TrafficError {
     #[error(transparent)]

@@ -48,7 +48,7 @@ impl Display for Page {
     }
 }
 
-/// Without its fixed size, so that it becomes as wide as there is room; its `viewBox` tells the proportions.
+/// Without its fixed size, so that it becomes as wide as there is room; its `viewBox` gives the proportions.
 fn responsive(svg: &str) -> String {
     let (head, rest) = svg.split_once('>').unwrap_or((svg, ""));
     let head: Vec<&str> = head

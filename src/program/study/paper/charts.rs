@@ -106,7 +106,7 @@ fn table1(paper: &Paper, scene: &PaperScene) -> Figure {
         chart: Chart {
             title: format!("Table 1: shared / local memory accesses, {}", scene.source()),
             x: shares(),
-            // The legend stands above.
+            // The legend is above.
             y: Axis::from_zero("ratio", 1.4 * most(&series)),
             series,
         },

@@ -115,7 +115,7 @@ pub enum PaperError {
 pub const STEPS: u32 = 2 * (GEARS.octrees.len() + TEAPOT.octrees.len()) as u32 + 3;
 
 impl Paper {
-    /// Traces and replays; takes half a minute on two processors. `tell` is told what is begun.
+    /// Traces and replays; takes half a minute on two processors. `tell` gets what is begun.
     ///
     /// # Errors
     /// There is no room for temporary files; the paper's scenes, which this program makes itself, are in order.

@@ -38,7 +38,7 @@ pub(super) fn scene(size: u32) -> Scene {
     scene
 }
 
-/// Where one building stands; it fills nine tenths of the width.
+/// The place of one building, which fills nine tenths of the width.
 struct Plot {
     centre: DVec3,
     width: f64,

@@ -32,7 +32,7 @@ pub(super) fn scene(size: u32) -> Scene {
         let distance = libm::exp10(-decades_a_step * f64::from(i));
         let angle = golden_angle * f64::from(i);
         let centre = DVec3::new(libm::cos(angle), libm::sin(angle), -SLOPE) * distance;
-        // Arms: every so many steps, spheres stand above one another.
+        // Arms: every so many steps, spheres are above one another.
         let material = first + i % 34 % COLOURS.len() as u32;
         scene.spheres.push(Sphere { centre, radius: distance * spacing * 0.55, material });
     }

@@ -12,7 +12,7 @@ const TEETH: u32 = 36;
 const TIP_RATIO: f64 = 0.995;
 const ROOT_RATIO: f64 = 0.9;
 const THICKNESS_MAX: f64 = 0.1;
-/// Where a tooth's outline bends, in tooth pitches; the first two stand at the tip, the others at the root.
+/// Where a tooth's outline bends, in tooth pitches; the first two are at the tip, the others at the root.
 const BENDS: [f64; 4] = [-0.19, 0.19, 0.3, 0.7];
 
 pub(super) fn scene(size: u32) -> Scene {

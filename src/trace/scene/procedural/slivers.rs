@@ -18,7 +18,7 @@ pub(super) fn scene(size: u32) -> Scene {
     scene.add_polygon(&[[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]].map(|[x, y]| DVec3::new(x, y, -1.1)));
     let mut random = Random::new(1);
     for i in 0..PER_SIZE * size {
-        // A hundred materials are enough to tell needles apart.
+        // A hundred materials are enough to distinguish needles.
         if i % (PER_SIZE * size / 100) == 0 {
             let colour = DVec3::new(1.0, random.between(0.35, 0.9), random.between(0.05, 0.4));
             scene.set_material(Material::from_nff(colour, 0.9, 0.1, shine(20.0), 0.0, 1.0));

@@ -1,4 +1,4 @@
-//! The mailbox (paper, section 5.3): a primitive that stands in many leaves is tested once a ray.
+//! The mailbox (paper, section 5.3): a primitive that is in many leaves is tested once a ray.
 //!
 //! Arnaldi, Priol, Bouatouch, 1987, keep the last ray's number with every object. Here a small direct-mapped
 //! table keeps the last primitives of the current ray: it stays in the first-level cache, whatever the scene,

@@ -1,5 +1,5 @@
 //! The volumes that decide a hit in whole numbers, where coordinates are coarse enough: some twenty times faster than
-//! sums of parts, and as exact.
+//! floating-point expansions, and as exact.
 
 use super::exact::Vector;
 

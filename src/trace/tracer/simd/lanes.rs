@@ -70,7 +70,7 @@ pub trait Doubles: Lanes<Number = f64> {
 pub(super) const MANTISSA: u32 = 52;
 /// Bits of 1.0.
 pub(super) const ONE: u64 = 1.0f64.to_bits();
-/// Whole numbers added to it stand in its lowest bits.
+/// Whole numbers added to it are in its lowest bits.
 pub(super) const WHOLE: f64 = (1u64 << MANTISSA) as f64;
 
 macro_rules! operators {

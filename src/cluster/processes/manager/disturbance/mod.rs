@@ -127,7 +127,7 @@ impl Disturbance {
         }
     }
 
-    /// Does what is due; tells what was done.
+    /// Does what is due; returns what was done.
     pub(super) fn carry_out(
         &mut self,
         now: Duration,

@@ -27,7 +27,7 @@ const ORDERS_MAX: usize = 8;
 /// On top of what a process that cannot be seen any more has left to live by its own clock.
 const CONFIRM_MARGIN: Duration = Duration::from_secs(1);
 
-/// Starts and kills; each process has a task of its own that waits for its end and tells it.
+/// Starts and kills; each process has a task of its own that waits for its end and reports it.
 pub(in crate::processes::manager) struct Children {
     pub(in crate::processes::manager) executables: Executables,
     pub(in crate::processes::manager) placement: Placement,
@@ -135,7 +135,7 @@ impl Children {
         }
     }
 
-    /// By SIGKILL or, on another machine, by cutting it off; its death is told as any other.
+    /// By SIGKILL or, on another machine, by cutting it off; its death is reported as any other.
     pub(in crate::processes::manager) fn kill(&mut self, id: ProcessId) {
         if let Some(handle) = self.alive.get_mut(&id) {
             handle.orders = None;
@@ -170,7 +170,7 @@ impl Children {
         orders.try_send(Order::Stop(time)).map_err(|_| "it has ended, or stops already".to_owned())
     }
 
-    /// Its death is told.
+    /// Its death is reported.
     pub(in crate::processes::manager) fn reap(&mut self, id: ProcessId) {
         self.alive.remove(&id);
     }

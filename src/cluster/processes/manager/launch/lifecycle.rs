@@ -23,7 +23,7 @@ use tokio::time::{Instant, sleep_until, timeout};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::frame;
 
-/// Whoever calls `marti` may have told it to join somebody: that is not for its children.
+/// Its environment may ask `marti` to join another manager: that is not for its children.
 const JOIN_VARIABLE: &str = "MARTI_JOIN";
 
 /// The control connection of a process.

@@ -19,7 +19,7 @@ const REQUEST_DEADLINE: Duration = Duration::from_secs(2);
 const WAIT_PERIOD: Duration = Duration::from_secs(2);
 /// From getting a slot until dialling anew; then it goes to somebody else.
 const TAKE_DEADLINE: Duration = Duration::from_secs(10);
-/// For those who wait to be told the end.
+/// For processes that wait for the end.
 const FAREWELL_DEADLINE: Duration = Duration::from_millis(300);
 /// More than these are turned away, and come again.
 const WAITING_MAX: usize = 1024;
@@ -123,7 +123,7 @@ impl JoinSlots {
     /// Tells those who wait that the run is over.
     pub(in crate::processes::manager) async fn close(&self) {
         self.over.send_replace(true);
-        // Who is not told in time finds nobody when it comes again.
+        // A process that does not hear of it in time finds no manager when it comes again.
         let _ = timeout(FAREWELL_DEADLINE, self.over.closed()).await;
     }
 

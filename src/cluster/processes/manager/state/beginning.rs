@@ -29,7 +29,7 @@ impl Beginning {
             supervision.table.iter().any(|process| chosen(process.id) && process.stage == Stage::Connected)
         };
         let has_bus = || is_connected(&|id| matches!(id.role, Role::Bus(_)));
-        let is_possible = ending.is_peaceful() || (ending.is_running() && has_bus());
+        let is_possible = ending.is_orderly() || (ending.is_running() && has_bus());
         if is_possible && is_connected(&|id| id == display.process()) {
             *self = Self::Asked;
             supervision.actions.push(Action::Begin);

@@ -376,7 +376,7 @@ impl Clusters {
         self.tell_master(self.specification.of(node), MasterCommand::NodeSetAside { node }, supervision);
     }
 
-    /// A master that does not serve yet has handed nothing out: there is nothing to tell it.
+    /// A master that does not serve yet has handed nothing out: there is nothing to send it.
     fn tell_master(&mut self, cluster: ClusterId, command: MasterCommand, supervision: &mut Supervision) {
         let id = self.cluster(cluster).master_process();
         if supervision.table.get_mut(id).is_some_and(|master| master.stage == Stage::Serving) {

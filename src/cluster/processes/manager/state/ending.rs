@@ -17,7 +17,7 @@ const INTERRUPTED_DEADLINE: Duration = Duration::from_millis(1500);
 const FAILED_DEADLINE: Duration = Duration::from_secs(5);
 /// For the masters to close their books where the end is not peaceful.
 const MASTERS_DEADLINE: Duration = Duration::from_millis(500);
-/// For the last processes to go after they have told everything.
+/// For the last processes to end after they have reported everything.
 const FAREWELL_DEADLINE: Duration = Duration::from_secs(2);
 /// From killing a process until its death is confirmed.
 const KILL_DEADLINE: Duration = Duration::from_millis(200);
@@ -73,8 +73,8 @@ impl Ending {
     }
 
     /// Whether all that is left to do is to close the books and write the image.
-    pub(super) fn is_peaceful(&self) -> bool {
-        self.cause().is_some_and(Cause::is_peaceful)
+    pub(super) fn is_orderly(&self) -> bool {
+        self.cause().is_some_and(Cause::is_orderly)
     }
 
     /// Whether the run is about to end as complete.
@@ -108,7 +108,7 @@ impl Ending {
     /// all.
     pub(super) fn fail(&mut self, why: String, supervision: &mut Supervision) {
         match &mut self.phase {
-            Phase::Closing(closing) if closing.cause.is_peaceful() => {
+            Phase::Closing(closing) if closing.cause.is_orderly() => {
                 closing.cause = Cause::Failed(why);
                 closing.deadline = closing.deadline.min(supervision.now + FAILED_DEADLINE);
                 closing.last = closing.deadline;
@@ -121,7 +121,7 @@ impl Ending {
     /// once.
     pub(super) fn interrupt(&mut self, signal: Interrupt, supervision: &mut Supervision) {
         let Phase::Closing(closing) = &mut self.phase else { return };
-        if closing.cause.is_peaceful() {
+        if closing.cause.is_orderly() {
             closing.cause = Cause::Interrupted(signal);
             closing.deadline = closing.deadline.min(supervision.now + INTERRUPTED_DEADLINE);
             closing.last = closing.deadline;
@@ -137,9 +137,9 @@ impl Ending {
         while let Phase::Closing(closing) = &mut self.phase {
             let step = closing.step;
             // What a master found out before an end that is not peaceful is in the journal before the display ends.
-            let is_next = step == Step::Master && closing.cause.is_peaceful();
+            let is_next = step == Step::Master && closing.cause.is_orderly();
             if is_next || step > Step::Master {
-                finish_display(closing.cause.is_peaceful(), display, tiles, supervision);
+                finish_display(closing.cause.is_orderly(), display, tiles, supervision);
             }
             if supervision.table.iter().any(|process| keeps_waiting(process, step)) {
                 return;
@@ -190,7 +190,7 @@ impl Ending {
 impl Closing {
     fn enter(&mut self, step: Step, supervision: &Supervision) {
         self.step = step;
-        if self.cause.is_peaceful() || step == Step::Farewell {
+        if self.cause.is_orderly() || step == Step::Farewell {
             self.deadline = supervision.now + patience(&self.cause, step, supervision);
         } else {
             // An end that is not peaceful has one deadline for all steps, but for masters that hang: the display is to write

@@ -164,7 +164,7 @@ impl State {
                 self.end_without_nodes();
             }
             Role::Display => {
-                let is_needed = is_running || self.ending.is_peaceful();
+                let is_needed = is_running || self.ending.is_orderly();
                 if let Err(why) = self.display.exited(exit, is_needed, supervision) {
                     self.fail(why);
                 }

@@ -15,7 +15,7 @@ use trace::picture::Tiling;
 /// A tile is a straggler when it has been out for longer than this, and for longer than [`STRAGGLE_FACTOR`] times
 /// what tiles take on average.
 const STRAGGLE_MIN: Duration = Duration::from_millis(500);
-/// The same where accesses are counted: what a second attempt fetches stands in the bus' log, so that one that a busy
+/// The same where accesses are counted: what a second attempt fetches is in the bus' log, so that one that a busy
 /// machine alone has held up is not worth it.
 const COUNTED_STRAGGLE_MIN: Duration = Duration::from_secs(10);
 const STRAGGLE_FACTOR: u32 = 3;
@@ -165,12 +165,12 @@ impl JobQueue {
         Some(out)
     }
 
-    /// Whether all is done, and nobody works on anything.
+    /// Whether all is done, and no attempt is out.
     pub(crate) fn is_quiet(&self) -> bool {
         self.missing == 0 && self.out.is_empty() && self.checks.is_empty()
     }
 
-    /// How a tile stands, for whoever looks for a fault here.
+    /// The state of a tile, for the search for a fault here.
     #[cfg(any(test, feature = "testing"))]
     pub(crate) fn describe(&self, tile: TileId) -> String {
         let out: Vec<_> = self.out_of(tile).map(|((_, attempt), out)| (attempt.0, out)).collect();
@@ -242,7 +242,7 @@ impl JobQueue {
         Some((tile, lane.node, Kind::Render))
     }
 
-    /// The tile that has been out for longest, if that is long and nobody else has it.
+    /// The tile that has been out for longest, if that is long and no other node has it.
     fn next_straggler(
         &self,
         cluster: ClusterId,

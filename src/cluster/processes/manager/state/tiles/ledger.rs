@@ -1,4 +1,4 @@
-//! What the manager was told: counts of tiles, lost attempts, totals.
+//! What was reported to the manager: counts of tiles, lost attempts, totals.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -38,10 +38,10 @@ pub(crate) struct Account {
     pub(crate) render_cpu_nanoseconds: u64,
 }
 
-/// What went on in a cluster, as far as its master told, and the totals of those who lived to close their books.
+/// What went on in a cluster, as far as its master reported, and the totals of the processes that reported totals.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Book {
-    /// Attempts told done, whether the image needed them or not.
+    /// Attempts reported done, whether the image needed them or not.
     pub(crate) told_done: u64,
     /// What they missed.
     pub(crate) missed: Counters,
@@ -84,7 +84,7 @@ impl Ledger {
         self.books.entry(cluster).or_default()
     }
 
-    /// Books what a master told done, whether it became part of the image or not.
+    /// Counts what a master reported done, whether it became part of the image or not.
     pub(crate) fn told_done(&mut self, cluster: (ClusterId, Epoch), done: &TileDone) {
         let book = self.book(cluster);
         book.told_done += 1;

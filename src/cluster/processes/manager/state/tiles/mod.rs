@@ -49,7 +49,7 @@ impl Tiles {
         now: Duration,
     ) -> Option<Completion> {
         if !self.queue.is_out(cluster.0, done.tile, done.attempt) {
-            // An honest master may report what its predecessor's cluster was told lost, and no more.
+            // An honest master may report what was reported lost to its predecessor's cluster, and no more.
             self.ledger.told_done(cluster, done);
             return Some(Completion::Unknown);
         }
@@ -96,7 +96,7 @@ impl Tiles {
         Some(self.redo(|_, by| by == Some(process)))
     }
 
-    /// Tiles that are to be compared and that nobody renders are rendered once more.
+    /// Tiles that are to be compared and that no node renders are rendered once more.
     pub(super) fn ask_for_comparisons(&mut self) {
         for (tile, nodes) in self.verification.awaited() {
             if !self.queue.checks(tile) {
@@ -116,7 +116,7 @@ impl Tiles {
     pub(super) fn lost(&mut self, (cluster, epoch): (ClusterId, Epoch)) -> Vec<LostAttempt> {
         let book = self.ledger.book((cluster, epoch));
         let mut lost = [&book.lost[..], &book.disowned].concat();
-        // Where the master did not live to tell.
+        // Where the master died before it reported this.
         lost.extend(self.queue.open(cluster));
         lost
     }
