@@ -43,7 +43,7 @@ fn one_process_gives_the_same_image_for_any_threads_octree_and_mailbox() {
     let expected = sha256(&render(out.path(), &[]));
     let ways: [&[&str]; 6] = [
         &["--threads", "2"],
-        &["--mailbox", "off"],
+        &["--kernel", "single", "--mailbox", "off"],
         &["--leaf-size", "1", "--max-depth", "6"],
         &["--leaf-size", "4", "--max-depth", "14"],
         &["--leaf-size", "1000", "--max-depth", "0"],

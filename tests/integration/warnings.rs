@@ -102,7 +102,11 @@ fn a_check_warns_of_all_that_a_run_warns_of() {
     let (checked, _) = said(folder.path(), &["check", "scene.nff"]);
     let (ran, _) = said(folder.path(), &["run", "scene.nff", "-q", "--out", "out"]);
     assert_eq!(checked, ran);
-    assert!(checked.starts_with("warning: scene.nff:11:") && checked.lines().count() == 2, "{checked}");
+    assert!(
+        checked.starts_with("warning: scene.nff:12:1: a polygon of 4 corners crosses itself")
+            && checked.lines().count() == 2,
+        "{checked}"
+    );
 }
 
 #[test]

@@ -18,7 +18,7 @@ use trace::scene::SceneSource;
 use trace::scene::procedural::Procedural;
 use trace::scene::{Scene, Warning};
 
-/// Check a topology and its scene, with all that `marti run` would warn of, and print what would run
+/// Check a topology and its scene, and print what would run
 #[derive(Clone, Debug, Args)]
 pub struct CheckArguments {
     /// Topology file (docs/topology.md), or a scene by itself, as for `marti run`
