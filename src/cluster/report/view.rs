@@ -80,6 +80,9 @@ impl fmt::Display for Camera {
         write!(f, "from {from} at {at}, up {up}, angle {}; ", Rounded(self.angle))?;
         let rest = match self.source {
             CameraSource::Scene => "the scene's",
+            CameraSource::Framing if self.chosen.iter().any(|part| part == "from" || part == "at") => {
+                "what frames the whole scene"
+            }
             CameraSource::Framing => "placed so that the whole scene is seen",
         };
         match &self.chosen[..] {
@@ -130,7 +133,9 @@ mod tests {
         let text = |source, chosen: &[CameraPart]| camera(source, chosen).to_string();
         assert_eq!(text(CameraSource::Scene, &[]), "from (0, 0, 9) at (0, 0, 0), up (0, 1, 0), angle 45; the scene's");
         let framed = text(CameraSource::Framing, &[CameraPart::From, CameraPart::Angle]);
-        assert!(framed.ends_with("; from, angle chosen, else placed so that the whole scene is seen"), "{framed}");
+        assert!(framed.ends_with("; from, angle chosen, else what frames the whole scene"), "{framed}");
+        let framed = text(CameraSource::Framing, &[CameraPart::Angle]);
+        assert!(framed.ends_with("; angle chosen, else placed so that the whole scene is seen"), "{framed}");
         assert!(text(CameraSource::Scene, &CameraPart::ALL).ends_with("; all of it chosen"));
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::str::FromStr;
 
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 /// One override. It prints as it was typed: `--set KEY=VALUE`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,15 +43,24 @@ impl Override {
         for (depth, part) in self.key.iter().enumerate() {
             let key = || self.key[..depth].join(".");
             let kind = slot.get_ref().type_str();
+            let is_element = self.key.get(depth + 1).is_some_and(|next| next.parse::<usize>().is_ok());
             slot = match slot.get_mut() {
-                DeValue::Table(table) => table
-                    .entry(Spanned::new(span.clone(), part.as_str().into()))
-                    .or_insert_with(|| Spanned::new(span.clone(), DeValue::Table(DeTable::new()))),
+                DeValue::Table(table) => {
+                    table.entry(Spanned::new(span.clone(), part.as_str().into())).or_insert_with(|| {
+                        let missing =
+                            if is_element { DeValue::Array(DeArray::new()) } else { DeValue::Table(DeTable::new()) };
+                        Spanned::new(span.clone(), missing)
+                    })
+                }
                 DeValue::Array(array) => {
                     let length = array.len();
+                    // One more than there are is added.
+                    if part.parse() == Ok(length) {
+                        array.push(Spanned::new(span.clone(), DeValue::Table(DeTable::new())));
+                    }
                     let element = part.parse().ok().and_then(|index: usize| array.get_mut(index));
                     element
-                        .ok_or_else(|| format!("{} has no element {part}, expected a number below {length}", key()))?
+                        .ok_or_else(|| format!("{} has no element {part}, expected one from 0 to {length}", key()))?
                 }
                 _ => return Err(format!("{} is of type {kind}, expected a table", key())),
             };
@@ -153,6 +162,16 @@ mod tests {
     }
 
     #[test]
+    fn an_element_that_is_the_next_one_is_added() {
+        let topology =
+            read_well(&["light.2.position=[7, 8, 9]", "light.3.position=[1, 1, 1]", "light.3.colour=[1, 0, 0]"]);
+        assert_eq!(topology.view.lights.len(), 4);
+        assert_eq!((topology.view.lights[2].position.x, topology.view.lights[3].colour), (7.0, DVec3::X));
+        let topology = read_well(&["scene.procedural=gears", "light.0.position=[1, 2, 3]"]);
+        assert_eq!(topology.view.lights.len(), 1);
+    }
+
+    #[test]
     fn the_last_of_two_overrides_holds() {
         assert_eq!(read_well(&["cluster.nodes=2", "cluster.nodes=3"]).cluster.nodes, 3);
     }
@@ -198,8 +217,8 @@ mod tests {
                 "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean cluster?",
             ),
             ("image.width.x=2", "image.width is of type integer, expected a table"),
-            ("light.2.position=[0, 0, 0]", "light has no element 2, expected a number below 2"),
-            ("light.x.position=[0, 0, 0]", "light has no element x, expected a number below 2"),
+            ("light.3.position=[0, 0, 0]", "light has no element 3, expected one from 0 to 2"),
+            ("light.x.position=[0, 0, 0]", "light has no element x, expected one from 0 to 2"),
             ("scene.file=7", "scene.file is 7, expected a string"),
             ("image.tile=65", "image.tile is 65x65 pixels, expected at most the image's 64x64"),
             (

@@ -43,7 +43,7 @@ pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
         error => error.into(),
     })?;
     scene_warnings::show(&subject.warnings);
-    if arguments.strict && !subject.warnings.is_empty() {
+    if arguments.strict && subject.warnings.iter().any(preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
     print(&summary(&topology, &subject))

@@ -45,10 +45,10 @@ impl OutputOptions {
 /// How the octree is built.
 #[derive(Clone, Debug, Args)]
 pub struct OctreeOptions {
-    /// A leaf that holds more primitives than this is divided [default: 8, or the topology's]
+    /// A leaf that holds more primitives than this is divided [default: 8, or that of a topology]
     #[arg(long, value_name = "N")]
     leaf_size: Option<LeafSize>,
-    /// Deepest octree level; the root is level 0 [default: 12, or the topology's]
+    /// Deepest octree level; the root is level 0 [default: 12, or that of a topology]
     #[arg(long, value_name = "N")]
     max_depth: Option<MaxDepth>,
 }

@@ -144,7 +144,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
     let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
     scene_warnings::show(&prepared.warnings);
-    if arguments.strict && !prepared.warnings.is_empty() {
+    if arguments.strict && prepared.warnings.iter().any(preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
     let derivation = Instant::now();

@@ -13,7 +13,7 @@ pub enum Terminator {
     /// From the triangle itself: coarse meshes have black steps, a triangle wide, where they turn from a light.
     #[default]
     Hard,
-    /// From the round surface that the normals describe (J. Hanika, *Hacking the Shadow Terminator*, Ray Tracing Gems II, 2021).
+    /// From the round surface that the normals describe, whose normals are turned to the eye as the triangle's own is (J. Hanika, *Hacking the Shadow Terminator*, Ray Tracing Gems II, 2021).
     Soft,
 }
 

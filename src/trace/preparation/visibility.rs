@@ -57,6 +57,14 @@ fn is_outside(point: DVec3, inward: DVec3) -> bool {
     point.dot(inward) < -ROUNDING * point.length() * inward.length()
 }
 
+/// The kind of [`of_light`]'s warning.
+const NOTHING_LIT: &str = "nothing-lit";
+
+/// Whether a warning is about what was found, not about what a few pixels make likely.
+pub fn is_certain(warning: &Warning) -> bool {
+    warning.kind != NOTHING_LIT
+}
+
 /// Warns where a few pixels show surfaces, and all of them are black.
 pub(super) fn of_light(database: &Verified, view: &View) -> Option<Warning> {
     // Most scenes show light without any reflection.
@@ -67,7 +75,9 @@ pub(super) fn of_light(database: &Verified, view: &View) -> Option<Warning> {
     if seen.surfaces == 0 {
         return None;
     }
-    let why = if seen.back_sides == seen.pixels {
+    let why = if seen.clear == seen.surfaces {
+        "all that is seen is wholly transparent"
+    } else if seen.back_sides == seen.pixels {
         "the camera sees back sides alone, and is probably inside of a closed surface"
     } else if view.lights.iter().all(|light| light.colour == DVec3::ZERO) {
         "every light is black"
@@ -76,7 +86,9 @@ pub(super) fn of_light(database: &Verified, view: &View) -> Option<Warning> {
     } else {
         "all of it is black, or in the shadow of something else"
     };
-    Some(Warning::of_scene("nothing-lit", format!("nothing of what is seen is lit: {why}")))
+    let Seen { surfaces, pixels, .. } = seen;
+    let text = format!("none of the surfaces at {surfaces} of {pixels} pixels that were tried is lit: {why}");
+    Some(Warning::of_scene(NOTHING_LIT, text))
 }
 
 /// The pixels to look at.
@@ -110,6 +122,8 @@ struct Seen {
     pixels: u32,
     surfaces: u32,
     back_sides: u32,
+    /// Surfaces that show what is behind them and nothing of themselves.
+    clear: u32,
     has_light_in_front: bool,
 }
 
@@ -120,7 +134,7 @@ impl Seen {
             (PrimaryRays::new(header, view), Hero::new(header, true), Slices::new(database));
         let lights: Vec<_> = view.lights.iter().map(|light| header.normalisation.point(light.position)).collect();
         let mut stats = TraceStats::default();
-        let mut seen = Self { pixels: 0, surfaces: 0, back_sides: 0, has_light_in_front: false };
+        let mut seen = Self { pixels: 0, surfaces: 0, back_sides: 0, clear: 0, has_light_in_front: false };
         for (x, y) in probes(&view.image) {
             seen.pixels += 1;
             let direction = camera.direction(x, y);
@@ -130,6 +144,10 @@ impl Seen {
             let point = hit.surface_point(&ray);
             let towards_eye = DVec3::from(point.normal_to_eye(direction).map(f64::from));
             seen.surfaces += 1;
+            let Ok::<_, Infallible>(surface) = slices.surface(hit.primitive.0);
+            let Ok::<_, Infallible>(material) = slices.material(surface.material);
+            let own = material.diffuse.into_iter().chain(material.highlight).chain(material.reflection);
+            seen.clear += u32::from(material.transmittance == 1.0 && own.into_iter().all(|share| share == 0.0));
             seen.back_sides += u32::from(point.normal.dot(direction) > 0.0);
             seen.has_light_in_front |= lights.iter().any(|&light| (light - point.position).dot(towards_eye) > 0.0);
         }

@@ -55,7 +55,7 @@ impl<'a> Cursor<'a> {
         let stray = self.source.bytes.len() - self.bytes.len();
         if stray > 0 {
             warnings.add(&self.source.file, "stray-end", || {
-                let what = format!("the file ends in NUL or ^Z, expected text: the last {stray} bytes are ignored");
+                let what = format!("the file ends in NUL or ^Z ({stray} of them), expected text: they are ignored");
                 self.source.error(self.bytes.len(), what)
             });
         }
@@ -310,7 +310,15 @@ impl fmt::Display for Token<'_> {
         const SHOWN_BYTES_MAX: usize = 40;
         let shown = &self.bytes[..self.bytes.len().min(SHOWN_BYTES_MAX)];
         let more = if shown.len() < self.bytes.len() { "…" } else { "" };
-        write!(f, "\"{}{more}\"", shown.escape_ascii())
+        // The last character may be cut.
+        let text = std::str::from_utf8(shown).or_else(|error| match error.error_len() {
+            None if !more.is_empty() => std::str::from_utf8(&shown[..error.valid_up_to()]),
+            _ => Err(error),
+        });
+        match text {
+            Ok(text) => write!(f, "\"{}{more}\"", text.escape_debug()),
+            Err(_) => write!(f, "\"{}{more}\"", shown.escape_ascii()),
+        }
     }
 }
 
@@ -325,7 +333,7 @@ struct Bound(f64);
 
 impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.0 == 0.0 || (1e-4..1e4).contains(&self.0.abs()) {
+        if self.0 == 0.0 || (1e-4..1e6).contains(&self.0.abs()) {
             write!(f, "{}", self.0)
         } else {
             write!(f, "{:e}", self.0)

@@ -144,6 +144,16 @@ impl Material {
     }
 }
 
+/// Whether a polygon may have a flaw that is to be named by its line: all that have to be cut into triangles, and triangles that have
+/// no area or nearly none.
+pub(crate) fn may_be_flawed(corners: &[DVec3]) -> bool {
+    const NEARLY_NONE: f64 = 1e-9;
+    let &[a, b, c] = corners else { return true };
+    let (ab, ac) = (b - a, c - a);
+    // Also where it is not a number.
+    !(ab.cross(ac).length() > NEARLY_NONE * ab.length() * ac.length())
+}
+
 impl Scene {
     /// The corners of a polygon.
     pub fn corners(&self, polygon: &Polygon) -> &[DVec3] {

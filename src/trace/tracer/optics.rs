@@ -16,6 +16,18 @@ pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
     select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
 }
 
+/// The normals of round surfaces, turned to the side of the flat ones that the rays come from, whatever side their own plane has
+/// to the rays: near an outline, where that would turn away, it is as seen edge-on.
+#[inline(always)]
+pub fn facing_round<L: Doubles>(normal: V3<L>, outward: V3<L>, incoming: V3<L>) -> V3<L> {
+    let seen = facing(outward, incoming);
+    let side = dot(normal, seen);
+    let normal = [normal[0].turned(side), normal[1].turned(side), normal[2].turned(side)];
+    let away = dot(incoming, normal);
+    let is_away = L::splat(0.0).lt(away);
+    select(is_away, normalise_or(sub(normal, scale(incoming, away)), seen), normal)
+}
+
 /// Rays from points of surfaces to a light, moved off to the sides that they leave to.
 pub struct ToLight<L> {
     pub origin: V3<L>,

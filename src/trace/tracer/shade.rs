@@ -7,7 +7,9 @@ use glam::{DVec3, Vec3};
 use super::hit::{Hit, HitOn, SurfacePoint};
 use super::memory_port::{MemoryPort, RayKind};
 use super::octree::hero::Hero;
-use super::optics::{Cosines, Finish, Share, aim, brighten, facing, mirrored, refract, rounded, scatter, smooth, tint};
+use super::optics::{
+    Cosines, Finish, Share, aim, brighten, facing, facing_round, mirrored, refract, rounded, scatter, smooth, tint,
+};
 use super::ray::Ray;
 use super::stats::TraceStats;
 use super::view::{Illumination, View};
@@ -92,7 +94,11 @@ impl Shader {
         let material = port.material(surface.material)?;
         let incoming = ray.direction_f64();
         let corners = Corners::read(port, hit, surface)?;
-        let normal = facing(corners.normal(hit, point).to_array(), incoming.to_array());
+        let (own, outward) = (corners.normal(hit, point).to_array(), point.normal.to_array());
+        let normal = match self.illumination.is_terminator_soft {
+            true => facing_round(own, outward, incoming.to_array()),
+            false => facing(own, incoming.to_array()),
+        };
         let mirrored = DVec3::from(mirrored(incoming.to_array(), normal));
         let normal = DVec3::from(normal);
         let diffuse = corners.tinted(hit, material.diffuse);

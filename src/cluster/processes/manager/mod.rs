@@ -223,7 +223,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = topology.prepare()?;
     scene_warnings::show(&prepared.warnings);
-    if request.strict && !prepared.warnings.is_empty() {
+    if request.strict && prepared.warnings.iter().any(preparation::is_certain) {
         return Err(RunError::Warnings);
     }
     let database = prepared.database.database();

@@ -97,9 +97,9 @@ fn mistakes_are_told_with_their_place() {
         (b"# only a comment\n", "2:1: the file ends here, expected v, b, l, f, s, c, p, pp or #"),
         (b"x 1", "1:1: \"x\", expected v, b, l, f, s, c, p, pp or #"),
         (b"s 0 0 0 1 2", "1:11: \"2\", expected v, b, l, f, s, c, p, pp or #"),
-        (b"\x7fELF\x02\x01\x01\0\0", "1:1: \"\\x7fELF\\x02\\x01\\x01\", expected v, b, l, f, s, c, p, pp or #"),
+        (b"\x7fELF\x02\x01\x01\0\0", "1:1: \"\\u{7f}ELF\\u{2}\\u{1}\\u{1}\", expected v, b, l, f, s, c, p, pp or #"),
         (b"s 0 0 \xff\xfe 1", "1:7: \"\\xff\\xfe\" is not a number, expected a coordinate from -1e30 to 1e30"),
-        (b"s 0 0 \0 1", "1:7: \"\\x00\" is not a number, expected a coordinate from -1e30 to 1e30"),
+        (b"s 0 0 \0 1", "1:7: \"\\0\" is not a number, expected a coordinate from -1e30 to 1e30"),
         (b"s 0 0 0", "1:8: the file ends here, expected a radius from -1e30 to 1e30"),
         (b"s nan 0 0 1", "1:3: \"nan\" is out of range, expected a coordinate from -1e30 to 1e30"),
         (b"s 0 -inf 0 1", "1:5: \"-inf\" is out of range, expected a coordinate from -1e30 to 1e30"),
@@ -271,7 +271,7 @@ fn views_and_lights_too_many_are_left_out() {
 fn bytes_behind_the_end_are_ignored() {
     for (end, count) in [("\u{1a}", 1), ("\n\0\0", 2)] {
         let place = if count == 1 { "7:10" } else { "8:1" };
-        let text = format!("{place}: the file ends in NUL or ^Z, expected text: the last {count} bytes are ignored");
+        let text = format!("{place}: the file ends in NUL or ^Z ({count} of them), expected text: they are ignored");
         assert_eq!(repaired(&format!("s 0 0 0 1{end}"), &[("stray-end", &text)]).spheres.len(), 1);
     }
     assert!(read("s 0 0 \u{1a} 1").is_err());

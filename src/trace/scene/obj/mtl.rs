@@ -44,6 +44,7 @@ const UNUSED: [(&[&str], &str, &str); 5] = [
             "map_Tr",
             "map_Tf",
             "map_bump",
+            "map_Bump",
             "map_disp",
             "map_refl",
             "map_opacity",
@@ -189,9 +190,18 @@ impl<'a> Reader<'a> {
             return Some(instead);
         }
         let red = self.number(first, field)?;
-        let Some(green) = self.cursor.token_on_line() else { return Some(DVec3::splat(red)) };
-        let green = self.number(green, field)?;
-        Some(DVec3::new(red, green, self.last_number(field)?))
+        let colour = match self.cursor.token_on_line() {
+            None => DVec3::splat(red),
+            Some(green) => DVec3::new(red, self.number(green, field)?, self.last_number(field)?),
+        };
+        // A lamp may be as bright as it likes.
+        if known != "Ke" && colour.max_element() > 1.0 {
+            let what = format_args!(
+                "{known} above 1 sends back more light than comes, and is drawn so; colours from 0 to 255 have to be divided by 255"
+            );
+            self.warn("bright-colour", first.at, what);
+        }
+        Some(colour)
     }
 
     fn dissolve(&mut self) -> Option<f64> {

@@ -13,7 +13,7 @@ use crate::picture::Terminator;
 use crate::scene::cursor::{Cursor, Judged, Token};
 use crate::scene::nff::NORMAL;
 use crate::scene::source::Source;
-use crate::scene::{Material, Polygon, Scene, SourceError};
+use crate::scene::{Material, Polygon, Scene, SourceError, may_be_flawed};
 
 /// Reads a whole file, and through `read_library` the libraries that it names.
 ///
@@ -234,9 +234,6 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
         let scene = &mut self.scene;
         let id = scene.polygons.len() as u32;
         let vertex_count = self.face.positions.len() as u32;
-        if vertex_count > 3 {
-            scene.polygon_lines.push((id, line));
-        }
         let mut polygon = Polygon {
             first_vertex: scene.vertices.len() as u32,
             vertex_count,
@@ -245,6 +242,9 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
             material: self.uses.current(),
         };
         scene.vertices.extend(self.face.positions.iter().map(|&position| self.positions[position as usize]));
+        if may_be_flawed(&scene.vertices[polygon.first_vertex as usize..]) {
+            scene.polygon_lines.push((id, line));
+        }
         let colour = |&position: &u32| self.colours.get(position as usize).copied().flatten();
         if !self.colours.is_empty() && self.face.positions.iter().any(|position| colour(position).is_some()) {
             polygon.first_colour = Some(scene.colours.len() as u32);
@@ -323,6 +323,12 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
             let what = "the normals around a corner of this face cancel out in its smoothing group: the face is flat";
             warnings.add(file, "smoothing-cancels", || source.error(at, what));
         });
+        if self.scene.polygons.is_empty() && !self.positions.is_empty() {
+            warnings.add(file, "points", || {
+                let what = format!("{} vertices and no faces: points are not drawn", self.positions.len());
+                SourceError::new(file, None, what)
+            });
+        }
         let (materials, of_libraries) = self.libraries.finish();
         // Of faces whose material is not there, and of those that name none.
         let white = materials.count();

@@ -88,17 +88,57 @@ fn weighted_normals(corners: &[DVec3]) -> impl Iterator<Item = Sum> {
     let from_first = |i: usize| corners[i] - corners[0];
     let area: DVec3 = (1..count - 1).map(|i| from_first(i).cross(from_first(i + 1))).sum();
     let unit = area.try_normalize();
+    let runs = Runs::of(corners);
     (0..count).map(move |i| {
+        let (before, after, length) = runs.around(i);
         let edge = |to: usize| (corners[to] - corners[i]).try_normalize();
-        let (Some(unit), Some(next), Some(previous)) = (unit, edge((i + 1) % count), edge((i + count - 1) % count))
-        else {
+        let (Some(unit), Some(next), Some(previous)) = (unit, edge(after), edge(before)) else {
             return Sum::default();
         };
         let angle = libm::acos(next.dot(previous).clamp(-1.0, 1.0));
         let is_reflex = next.cross(previous).dot(unit) < 0.0;
-        let angle = if is_reflex { std::f64::consts::TAU - angle } else { angle };
+        let angle = if is_reflex { std::f64::consts::TAU - angle } else { angle } / length as f64;
         Sum { normal: unit * angle, angle }
     })
+}
+
+/// Which corners of a polygon coincide with the one before them: the angle is shared out among these, so that a quadrilateral whose
+/// side has shrunk to a point weighs as the triangle that it is.
+struct Runs {
+    count: usize,
+    /// By corner the first and the last of its run, around the polygon; empty where no two coincide.
+    ends: Vec<(usize, usize)>,
+}
+
+impl Runs {
+    fn of(corners: &[DVec3]) -> Self {
+        let count = corners.len();
+        let joins = |i: usize| corners[i] == corners[(i + count - 1) % count];
+        let Some(start) = (0..count).find(|&i| !joins(i)).filter(|_| (0..count).any(joins)) else {
+            return Self { count, ends: Vec::new() };
+        };
+        let mut ends = vec![(0, 0); count];
+        let mut first = start;
+        for step in 0..count {
+            let at = (start + step) % count;
+            first = if joins(at) { first } else { at };
+            ends[at].0 = first;
+        }
+        let mut last = (start + count - 1) % count;
+        for step in (0..count).rev() {
+            let at = (start + step) % count;
+            last = if ends[at].0 == ends[last].0 { last } else { at };
+            ends[at].1 = last;
+        }
+        Self { count, ends }
+    }
+
+    /// The corners before and after the run of one, and how many are in it.
+    fn around(&self, corner: usize) -> (usize, usize, usize) {
+        let (first, last) = self.ends.get(corner).copied().unwrap_or((corner, corner));
+        let length = (last + self.count - first) % self.count + 1;
+        ((first + self.count - 1) % self.count, (last + 1) % self.count, length)
+    }
 }
 
 #[cfg(test)]
@@ -111,6 +151,11 @@ mod tests {
         let corners = l.map(|[x, y]| DVec3::new(x, y, 7.0));
         let angles: Vec<f64> = weighted_normals(&corners).map(|sum| sum.normal.z.to_degrees().round()).collect();
         assert_eq!(angles, [90.0, 90.0, 90.0, 270.0, 90.0, 90.0]);
+        // A square with corners said twice and three times, the first of them at both ends.
+        let repeated = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+        let square = repeated.map(|[x, y]| DVec3::new(x, y, 7.0));
+        let angles: Vec<f64> = weighted_normals(&square).map(|sum| sum.angle.to_degrees().round()).collect();
+        assert_eq!(angles, [45.0, 45.0, 45.0, 90.0, 30.0, 30.0, 30.0, 45.0]);
         let backwards: Vec<DVec3> = corners.into_iter().rev().collect();
         assert!(weighted_normals(&backwards).all(|sum| sum.normal.z < 0.0 && sum.angle > 0.0));
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::packet::{LANES, NONE};
 use crate::database::records::{LightTerms, Material, Normals};
 use crate::tracer::hit::SurfacePoint;
-use crate::tracer::optics::{facing, mirrored, rounded, smooth, tint};
+use crate::tracer::optics::{facing, facing_round, mirrored, rounded, smooth, tint};
 use crate::tracer::primitives::triangle::{TriangleHit, point_and_normal};
 use crate::tracer::ray::{Ray, Source};
 use crate::tracer::shade::Corners;
@@ -132,8 +132,8 @@ impl Surfaces {
             self.diffuse[axis][at] = diffuse[axis];
         }
         if !self.rounded[0].is_empty() {
-            let facing = facing(normal.to_array(), ray.direction_f64().to_array());
-            let rounded = corners.rounded(&hit, &point, facing.into());
+            let shading = facing_round(normal.to_array(), point.normal.to_array(), ray.direction_f64().to_array());
+            let rounded = corners.rounded(&hit, &point, shading.into());
             for axis in 0..3 {
                 self.rounded[axis][at] = rounded[axis];
             }
@@ -238,7 +238,7 @@ impl Chunk {
         if !surfaces.rounded[0].is_empty() {
             let mut from = position;
             if self.smooth != 0 {
-                let shading = facing(normal, direction);
+                let shading = facing_round(normal, outward, direction);
                 from = select(self.smooth, rounded(position, vertices, normals(), weights, shading), position);
             }
             store(from, &mut surfaces.rounded, first);
@@ -253,7 +253,11 @@ impl Chunk {
     #[inline(always)]
     fn mirror<L: Doubles>(&self, surfaces: &mut Surfaces, first: usize) {
         let incoming = widen::<L>(&self.direction);
-        let normal = facing::<L>(load(&surfaces.normal, first), incoming);
+        let own = load(&surfaces.normal, first);
+        let normal = match surfaces.rounded[0].is_empty() {
+            true => facing::<L>(own, incoming),
+            false => facing_round(own, load(&surfaces.outward, first), incoming),
+        };
         store(normal, &mut surfaces.normal, first);
         store(mirrored(incoming, normal), &mut surfaces.mirrored, first);
     }

@@ -233,7 +233,7 @@ fn statements_of_materials_without_effect_are_named() {
 fn statements_of_no_material_are_ignored() {
     let scene = read("mtllib x.mtl", "Kd 1 1 1\nNi 2\nnewmtl\nKd 0 0 0\nnewmtl a\0\0").expect("valid");
     let expected = [
-        ("stray-end", "5:9: the file ends in NUL or ^Z, expected text: the last 2 bytes are ignored"),
+        ("stray-end", "5:9: the file ends in NUL or ^Z (2 of them), expected text: they are ignored"),
         ("outside-material", "1:1: Kd of no material, expected newmtl before it: is ignored (and 1 more)"),
         ("nameless-material", "3:1: newmtl without a name, expected a material's: it is left out"),
     ];
