@@ -10,6 +10,7 @@ use glam::DVec3;
 
 pub use chosen_view::{ChosenView, ImageDefaults, choose, view};
 pub use view_choices::{CameraChoices, CameraPart, ViewChoices};
+pub use visibility::is_certain;
 
 use crate::database::compile::compile;
 use crate::database::verify::Verified;

@@ -23,7 +23,11 @@ fn warnings_are_printed_first_and_reported_and_errors_with_strict() {
     const SPHERE: &str = "s 0 0 0 1";
     let cases = [
         ("no-light", nff("0 0 5", "0 0 0", "", SPHERE), "the scene has no lights: two beside the camera light it"),
-        ("no-primitives", nff("0 0 5", "0 0 0", "l 0 0 9", ""), "the scene has no primitives: the background is all"),
+        (
+            "no-primitives",
+            nff("0 0 5", "0 0 0", "l 0 0 9", ""),
+            "the scene has no surfaces (points, lines and curves are none)",
+        ),
         (
             "out-of-view",
             nff("0 0 5", "0 0 9", "l 0 0 9", SPHERE),

@@ -41,7 +41,7 @@ fn colours(database: &Verified, view: &View, mailbox: bool) -> Vec<u32> {
 }
 
 fn view(scene: &Scene, side: u32) -> View {
-    let camera = Camera::framing(scene.bounds(), UpAxis::Y, 1.0);
+    let camera = Camera::framing(scene.bounds(), UpAxis::Y, 1.0, 45.0);
     View {
         camera,
         lights: camera.framing_lights().to_vec(),

@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::database::verify::Verified;
 use crate::picture::{AovSet, ImageSettings, Rect};
 use crate::scene::{Camera, Warning};
+use crate::tracer::MemoryPort;
 use crate::tracer::octree::hero::Hero;
 use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::Ray;
@@ -21,7 +22,7 @@ pub(super) fn of_bounds(bounds: Option<(DVec3, DVec3)>, view: &View) -> Option<W
     let Some((low, high)) = bounds else {
         return Some(Warning::of_scene(
             "no-primitives",
-            "the scene has no primitives: the background is all that is seen",
+            "the scene has no surfaces (points, lines and curves are none): the background is all that is seen",
         ));
     };
     let corners = (0..8).map(|i| {

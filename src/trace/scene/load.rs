@@ -34,7 +34,7 @@ mod tests {
             let ears = cuts.iter().map(|cut| cut.ears.len()).sum();
             let counts = (scene.polygons.len(), scene.spheres.len(), scene.cones.len(), ears, scene.lights.len());
             assert_eq!(counts, expected, "{name}");
-            let camera = scene.camera.unwrap_or_else(|| Camera::framing(scene.bounds(), UpAxis::Y, 1.0));
+            let camera = scene.camera.unwrap_or_else(|| Camera::framing(scene.bounds(), UpAxis::Y, 1.0, 45.0));
             assert_eq!(camera.check(), Ok(()));
         }
     }

@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn surfaces_and_camera_move_together() {
-        let camera = Camera::framing(Some((DVec3::ZERO, DVec3::ONE)), UpAxis::Y, 1.0);
+        let camera = Camera::framing(Some((DVec3::ZERO, DVec3::ONE)), UpAxis::Y, 1.0, 45.0);
         let sphere = Sphere { centre: DVec3::X, radius: -2.0, material: 0 };
         let mut scene = Scene { camera: Some(camera), spheres: vec![sphere], ..Scene::default() };
         scene.place(Placement { scale: 10.0, translation: 5.0 }).expect("finite");

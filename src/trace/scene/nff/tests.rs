@@ -140,8 +140,8 @@ fn impossible_views_are_told_with_their_place() {
         ("up 0 0 1\n", "", "3:1: \"v\": the view has no `up`, expected from, at, up and angle"),
         ("angle 40", "angle 180", "7:7: \"180\" is out of range, expected an angle between 0 and 180"),
         ("angle 40", "angle -1", "7:7: \"-1\" is out of range, expected an angle in degrees from 0 to 180"),
-        ("320 240", "320 x", "9:16: \"x\" is not a number, expected a side in pixels from 1 to 6.5536e4"),
-        ("320 240", "320 x", "9:16: \"x\" is not a number, expected a side in pixels from 1 to 6.5536e4"),
+        ("320 240", "320 x", "9:16: \"x\" is not a number, expected a side in pixels from 1 to 65536"),
+        ("320 240", "320 x", "9:16: \"x\" is not a number, expected a side in pixels from 1 to 65536"),
     ] {
         let error = read(EVERYTHING.replace(right, wrong)).expect_err("malformed");
         assert_eq!(error, format!("x.nff:{expected}"));
@@ -256,9 +256,8 @@ fn views_and_lights_too_many_are_left_out() {
     for (resolution, words) in
         [("0 240", "7:12: \"0\""), ("320 65537", "7:16: \"65537\""), ("320 24.5", "7:16: \"24.5\"")]
     {
-        let text = format!(
-            "{words}, expected a side in pixels from 1 to 6.5536e4, a whole number: the resolution is left out"
-        );
+        let text =
+            format!("{words}, expected a side in pixels from 1 to 65536, a whole number: the resolution is left out");
         let scene = repaired(&format!("resolution {resolution}"), &[("resolution", &text)]);
         assert_eq!(scene.camera.map(|camera| camera.resolution), Some(None), "{resolution}");
     }

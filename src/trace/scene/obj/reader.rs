@@ -323,12 +323,6 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
             let what = "the normals around a corner of this face cancel out in its smoothing group: the face is flat";
             warnings.add(file, "smoothing-cancels", || source.error(at, what));
         });
-        if self.scene.polygons.is_empty() && !self.positions.is_empty() {
-            warnings.add(file, "points", || {
-                let what = format!("{} vertices and no faces: points are not drawn", self.positions.len());
-                SourceError::new(file, None, what)
-            });
-        }
         let (materials, of_libraries) = self.libraries.finish();
         // Of faces whose material is not there, and of those that name none.
         let white = materials.count();

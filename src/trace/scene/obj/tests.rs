@@ -253,10 +253,11 @@ fn keywords_in_capitals_are_read() {
 
 #[test]
 fn bytes_behind_the_end_are_ignored() {
-    for (end, what) in [("\u{1a}", "1 bytes"), ("\0\0\0", "3 bytes"), (" \u{1a}\r\n", "3 bytes")] {
+    for (end, what) in [("\u{1a}", 1), ("\0\0\0", 3), (" \u{1a}\r\n", 3)] {
         let scene = read(format!("{OBJ}{end}"), MTL).expect("valid");
         let place = if end.starts_with(' ') { "22:2" } else { "22:1" };
-        let text = format!("x.obj:{place}: the file ends in NUL or ^Z, expected text: the last {what} are ignored");
+        let text =
+            format!("x.obj:{place}: the file ends in NUL or ^Z ({what} of them), expected text: they are ignored");
         assert_eq!(shown(&scene.warnings), [("stray-end", text)]);
         assert_eq!(scene.polygons.len(), 4);
     }

@@ -114,8 +114,13 @@ fn values_of_materials_are_clamped_or_left_out() {
     let white = grey(1.0);
     /// A statement, its warnings, what it makes.
     type Case = (&'static str, &'static [(&'static str, &'static str)], Material);
-    let table: [Case; 17] = [
+    const BRIGHT: (&str, &str) = (
+        "bright-colour",
+        "2:4: Kd above 1 sends back more light than comes, and is drawn so; colours from 0 to 255 have to be divided by 255",
+    );
+    let table: [Case; 18] = [
         ("Kd 0.5", &[], grey(0.5)),
+        ("Kd 255", &[BRIGHT], grey(255.0)),
         (
             "Kd 0.5 0.5",
             &[("bad-number", "2:11: the line ends here, expected Kd from 0 to 1e6: the statement is left out")],
@@ -133,7 +138,7 @@ fn values_of_materials_are_clamped_or_left_out() {
         ),
         (
             "Kd 1e9",
-            &[("out-of-range", "2:4: a word is out of range, expected Kd from 0 to 1e6: 1e6 is used")],
+            &[("out-of-range", "2:4: a word is out of range, expected Kd from 0 to 1e6: 1e6 is used"), BRIGHT],
             grey(1e6),
         ),
         (
