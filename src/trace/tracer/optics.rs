@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::power::power;
-use super::ray::moved_off;
+use super::ray::{entering, moved_off};
 use super::simd::lanes::{Doubles, Singles};
 use super::vector::{V3, add, dot, length, mul, normalise_or, scale, select, splat, sub, weighted};
 use crate::database::records::Material;
@@ -37,6 +37,9 @@ pub struct ToLight<L> {
     pub cosines: Cosines<L>,
     /// A bit for each that leaves to the side that the shading normal is on. None on the very point of the light.
     pub turned_to: u32,
+    /// A bit for each that meets the root before the light: all, but for some that leave from round surfaces. Nothing is in the way
+    /// of the others.
+    pub meets_root: u32,
 }
 
 /// Of the direction to a light.
@@ -48,14 +51,28 @@ pub struct Cosines<L> {
     pub mirrored: L,
 }
 
+/// `is_round`: the points may be outside of the root ([`rounded`]); then the rays begin where they enter it.
 #[inline(always)]
-pub fn aim<L: Doubles>(light: DVec3, point: V3<L>, outward: V3<L>, normal: V3<L>, mirrored: V3<L>) -> ToLight<L> {
+pub fn aim<L: Doubles>(
+    light: DVec3,
+    point: V3<L>,
+    outward: V3<L>,
+    normal: V3<L>,
+    mirrored: V3<L>,
+    is_round: bool,
+) -> ToLight<L> {
     let to_light = sub(splat(light.to_array()), point);
     let distance = length(to_light);
     let direction = scale(to_light, L::splat(1.0).div(distance));
     let cosines = Cosines { normal: dot(normal, direction), mirrored: dot(mirrored, direction) };
     let turned_to = L::splat(0.0).lt(cosines.normal);
-    ToLight { origin: moved_off(point, outward, direction), direction, distance, cosines, turned_to }
+    let origin = moved_off(point, outward, direction);
+    if !is_round {
+        return ToLight { origin, direction, distance, cosines, turned_to, meets_root: u32::MAX };
+    }
+    let (origin, before, enters) = entering(origin, direction);
+    let meets_root = enters & before.lt(distance);
+    ToLight { origin, direction, distance: distance.sub(before), cosines, turned_to, meets_root }
 }
 
 /// What materials make of light that comes straight from a light.
@@ -105,7 +122,7 @@ pub fn tint<L: Doubles>(corners: [V3<L>; 3], barycentrics: [L; 3]) -> V3<L> {
 
 /// Where rays to lights leave from triangles with a soft terminator: points of flat triangles, moved out to the round surface that
 /// the corners' normals describe. A point is moved by what it lies below the planes through the corners, on the side that
-/// the shading normal is on; not where the surface is hollow. It stays within the root.
+/// the shading normal is on; not where the surface is hollow.
 ///
 /// J. Hanika, *Hacking the Shadow Terminator*, Ray Tracing Gems II, 2021.
 #[inline(always)]
@@ -116,7 +133,7 @@ pub fn rounded<L: Doubles>(
     barycentrics: [L; 3],
     shading: V3<L>,
 ) -> V3<L> {
-    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let zero = L::splat(0.0);
     let out = |k: usize| {
         let normal: V3<L> = normals[k];
         let side = dot(normal, shading);
@@ -124,9 +141,7 @@ pub fn rounded<L: Doubles>(
         let above = dot(sub(point, vertices[k]), normal).min(zero);
         scale(normal, zero.sub(above))
     };
-    let moved = add(point, weighted([out(0), out(1), out(2)], barycentrics));
-    let inside = |axis: usize| moved[axis].min(one).max(L::splat(-1.0));
-    [inside(0), inside(1), inside(2)]
+    add(point, weighted([out(0), out(1), out(2)], barycentrics))
 }
 
 /// A ray's direction, reflected: of unit length but for rounding.

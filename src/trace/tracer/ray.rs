@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::simd::lanes::Doubles;
-use super::vector::{V3, add, dot, scale, splat};
+use super::vector::{V3, add, dot, scale};
 
 /// A ray with its origin in the root cube.
 #[derive(Clone, Copy, Debug)]
@@ -74,9 +74,9 @@ pub fn moved_off<L: Doubles>(point: V3<L>, normal: V3<L>, direction: V3<L>) -> V
     add(point, scale(normal, L::splat(-OFFSET).select(below, L::splat(OFFSET))))
 }
 
-/// Where rays from one origin enter the root, how far that is, and which do: a bit each.
+/// Where rays enter the root, how far that is, and which do: a bit each. From within the root that is where they are.
 #[inline(always)]
-pub fn entering<L: Doubles>(origin: [f64; 3], direction: V3<L>) -> (V3<L>, L, u32) {
+pub fn entering<L: Doubles>(origin: V3<L>, direction: V3<L>) -> (V3<L>, L, u32) {
     let (one, infinity) = (L::splat(1.0), L::splat(f64::INFINITY));
     let (mut enter, mut leave) = (L::splat(0.0), infinity);
     let mut possible = u32::MAX;
@@ -84,15 +84,13 @@ pub fn entering<L: Doubles>(origin: [f64; 3], direction: V3<L>) -> (V3<L>, L, u3
         let (o, d) = (origin[axis], direction[axis]);
         let parallel = d.abs().le(L::splat(0.0));
         let inverse = one.div(d);
-        let (a, b) = (L::splat(-1.0 - o).mul(inverse), L::splat(1.0 - o).mul(inverse));
+        let (a, b) = (L::splat(-1.0).sub(o).mul(inverse), one.sub(o).mul(inverse));
         enter = enter.select(parallel, enter.max(a.min(b)));
         leave = leave.select(parallel, leave.min(a.max(b)));
         possible &= d.abs().lt(infinity);
-        if !(o.abs() <= 1.0) {
-            possible &= !parallel;
-        }
+        possible &= o.abs().le(one) | !parallel;
     }
-    let inside = add(splat(origin), scale(direction, enter));
+    let inside = add(origin, scale(direction, enter));
     let inside = [
         inside[0].max(L::splat(-1.0)).min(one),
         inside[1].max(L::splat(-1.0)).min(one),

@@ -34,6 +34,8 @@ pub struct Seen {
 struct Ancestry {
     /// Reflections and refractions so far.
     bounces: u32,
+    /// Sheets that were passed straight on so far.
+    sheets: u32,
     /// Share of the pixel that this ray decides, in the strongest channel.
     weight: f32,
 }
@@ -60,7 +62,7 @@ impl Shader {
         let Some((ray, _)) = Ray::from_eye(eye, direction) else { return Ok(missed) };
         let Some(hit) = self.hero.nearest(port, &ray, stats)? else { return Ok(missed) };
         let point = hit.surface_point(&ray);
-        let ancestry = Ancestry { bounces: 0, weight: 1.0 };
+        let ancestry = Ancestry { bounces: 0, sheets: 0, weight: 1.0 };
         let radiance = self.shade(port, &ray, &hit, &point, ancestry, stats)?;
         Ok(Seen { radiance, first: Some((hit.primitive, point)) })
     }
@@ -108,16 +110,20 @@ impl Shader {
         let leaving = SurfacePoint { position: from, ..*point };
         let finish = Finish { diffuse, highlight: material.highlight, shine: &[material.shine] };
         let mut radiance = self.local(port, &leaving, normal, mirrored, terms.emission, &finish, stats)?;
-        if ancestry.bounces == self.illumination.depth {
+        let is_sheet = is_sheet(&material, &terms);
+        let onward = Onward::new(ancestry.bounces, ancestry.sheets, is_sheet, self.illumination.depth);
+        if onward.is_none() {
             return Ok(radiance);
         }
-        let refracted = || refract(&material, point.normal, normal, incoming);
+        let refracted = || if is_sheet { Some(incoming) } else { refract(&material, point.normal, normal, incoming) };
         let (reflection, refraction) = scatter(&material, ancestry.weight, self.illumination.cutoff, refracted);
         let reflection = reflection.map(|share| (share, mirrored));
-        for (kind, ray) in [(RayKind::Reflection, reflection), (RayKind::Refraction, refraction)] {
-            if let Some((Share { by_channel, weight }, direction)) = ray {
+        for (kind, ray, steps) in
+            [(RayKind::Reflection, reflection, onward.reflected), (RayKind::Refraction, refraction, onward.refracted)]
+        {
+            if let (Some((Share { by_channel, weight }, direction)), Some((bounces, sheets))) = (ray, steps) {
                 let ray = point.leaving(direction.normalize(), f32::INFINITY);
-                let ancestry = Ancestry { bounces: ancestry.bounces + 1, weight };
+                let ancestry = Ancestry { bounces, sheets, weight };
                 radiance += by_channel * self.secondary(port, kind, &ray, ancestry, stats)?;
             }
         }
@@ -140,7 +146,8 @@ impl Shader {
         let mut radiance = emission;
         for light in 0..self.illumination.lights.len() {
             let (position, colour) = self.illumination.lights[light];
-            let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored);
+            let is_round = self.illumination.is_terminator_soft;
+            let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored, is_round);
             if to_light.turned_to == 0 {
                 continue;
             }
@@ -153,7 +160,7 @@ impl Shader {
                 source: point.source,
             };
             let mut share = 1.0;
-            if self.hero.occluded(port, &ray, stats)? {
+            if to_light.meets_root & 1 == 1 && self.hero.occluded(port, &ray, stats)? {
                 share = match self.illumination.has_sheets {
                     true => through_sheets(&mut self.hero, port, ray, stats)?,
                     false => 0.0,
@@ -169,8 +176,41 @@ impl Shader {
     }
 }
 
-/// More sheets than this on the way to a light let nothing pass.
-const SHEETS_MAX: usize = 64;
+/// More sheets than this on the way of a ray let nothing pass.
+const SHEETS_MAX: u32 = 64;
+
+/// Whether a surface lets rays pass straight on.
+#[inline(always)]
+pub(super) fn is_sheet(material: &Material, terms: &LightTerms) -> bool {
+    terms.shadow_transmittance > 0.0 && material.ior() == 1.0
+}
+
+/// What the rays that a surface sends on have behind them then: bounces, and sheets that were passed. `None` for those that have had as
+/// many as there may be. What passes a sheet has not bounced.
+#[derive(Clone, Copy)]
+pub(super) struct Onward {
+    pub reflected: Option<(u32, u32)>,
+    pub refracted: Option<(u32, u32)>,
+}
+
+impl Onward {
+    #[inline(always)]
+    pub(super) fn new(bounces: u32, sheets: u32, is_sheet: bool, depth: u32) -> Self {
+        let bounced = (bounces < depth).then_some((bounces + 1, sheets));
+        let passed = (sheets < SHEETS_MAX).then_some((bounces, sheets + 1));
+        Self { reflected: bounced, refracted: if is_sheet { passed } else { bounced } }
+    }
+
+    #[inline(always)]
+    fn is_none(self) -> bool {
+        self.reflected.is_none() && self.refracted.is_none()
+    }
+}
+
+/// How many rays may follow one another.
+pub(super) fn generations_max(depth: u32, has_sheets: bool) -> u32 {
+    if has_sheets { depth + SHEETS_MAX } else { depth }
+}
 
 /// The share of a light's ray that passes all that is in its way, which is something. Sheet after sheet from the surface on, so that
 /// the product's bits do not depend on the order of tests; each sheet that lets light pass is one more shadow ray.
@@ -181,7 +221,7 @@ pub(super) fn through_sheets<M: MemoryPort>(
     stats: &mut TraceStats,
 ) -> Result<f32, M::Error> {
     let mut share = 1.0;
-    for _ in 0..SHEETS_MAX {
+    for _ in 0..=SHEETS_MAX {
         let Some(hit) = hero.nearest(port, &ray, stats)? else { return Ok(share) };
         let surface = port.surface(hit.primitive.0)?;
         let material = port.material(surface.material)?;

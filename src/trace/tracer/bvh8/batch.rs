@@ -17,6 +17,7 @@ use crate::picture::{AovSet, Pixels, Rect};
 use crate::tracer::memory_port::RayKind;
 use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::Ray;
+use crate::tracer::shade::generations_max;
 use crate::tracer::simd::{Registers, Simd, Task};
 use crate::tracer::slices::Slices;
 use crate::tracer::tile::first_hit;
@@ -122,8 +123,9 @@ impl<'a> BatchTracer<'a> {
             wave.radiance[ray as usize] = Vec3::new(r[at], g[at], b[at]);
         }
         next.clear();
-        if number < self.illumination.depth as usize {
-            simd.run(Branching { surfaces, wave, slices: &slices, cutoff: self.illumination.cutoff, next, stats });
+        let Illumination { depth, cutoff, has_sheets, .. } = self.illumination;
+        if number < generations_max(depth, has_sheets) as usize {
+            simd.run(Branching { surfaces, wave, slices: &slices, cutoff, depth, next, stats });
         }
     }
 

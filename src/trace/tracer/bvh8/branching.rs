@@ -6,6 +6,7 @@ use crate::tracer::TraceStats;
 use crate::tracer::memory_port::RayKind;
 use crate::tracer::optics::{refract, scatter};
 use crate::tracer::ray::{Ray, Source, moved_off};
+use crate::tracer::shade::{Onward, is_sheet};
 use crate::tracer::simd::lanes::Doubles;
 use crate::tracer::simd::{Registers, Task};
 use crate::tracer::slices::Slices;
@@ -17,6 +18,7 @@ pub(super) struct Branching<'t, 'a> {
     pub wave: &'t Wave,
     pub slices: &'t Slices<'a>,
     pub cutoff: f32,
+    pub depth: u32,
     pub next: &'t mut Wave,
     pub stats: &'t mut TraceStats,
 }
@@ -77,20 +79,27 @@ impl Branching<'_, '_> {
         let Self { surfaces, wave, .. } = *self;
         let material = surfaces.material(self.slices, at);
         let parent = surfaces.ray[at];
+        let Origin { bounces, sheets, .. } = wave.origins[parent as usize];
+        let is_sheet = material.has_light_terms()
+            && is_sheet(material, &self.slices.materials[surfaces.material[at] as usize + 1].into());
+        let onward = Onward::new(bounces, sheets, is_sheet, self.depth);
         let refracted = || {
             let incoming = wave.rays[parent as usize].direction_f64();
+            if is_sheet {
+                return Some(incoming);
+            }
             refract(material, row(&surfaces.outward, at), row(&surfaces.normal, at), incoming)
         };
         let weight = wave.origins[parent as usize].share.weight;
         let (reflection, refraction) = scatter(material, weight, self.cutoff, refracted);
-        if let Some(share) = reflection {
+        if let (Some(share), Some((bounces, sheets))) = (reflection, onward.reflected) {
             self.stats.rays[RayKind::Reflection as usize] += 1;
-            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), Origin { parent, share });
+            self.next.push(reflected.ray(at % DOUBLES, surfaces.source[at]), Origin { parent, share, bounces, sheets });
         }
-        if let Some((share, direction)) = refraction {
+        if let (Some((share, direction)), Some((bounces, sheets))) = (refraction, onward.refracted) {
             self.stats.rays[RayKind::Refraction as usize] += 1;
             let ray = surfaces.point(at).leaving(direction.normalize(), f32::INFINITY);
-            self.next.push(ray, Origin { parent, share });
+            self.next.push(ray, Origin { parent, share, bounces, sheets });
         }
     }
 }

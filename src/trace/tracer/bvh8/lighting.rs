@@ -33,10 +33,11 @@ pub(super) fn light<R: Registers>(
         }
         for &(position, colour) in &illumination.lights {
             let lanes = (1u32 << LANES.min(surfaces.count - first)) - 1;
-            let turned_to = aim_all::<R>(surfaces, first, position, packet, &mut cosines) & lanes;
+            let (turned_to, meets_root) = aim_all::<R>(surfaces, first, position, packet, &mut cosines);
+            let turned_to = turned_to & lanes;
             rays += u64::from(turned_to.count_ones());
-            let mut lit = 0;
-            let mut left = turned_to;
+            let mut lit = turned_to & !meets_root;
+            let mut left = turned_to & meets_root;
             while left != 0 {
                 let active = packet.start::<R>(left);
                 walk::<R, true>(bvh, slices, packet, scratch);
@@ -89,7 +90,7 @@ fn light_through_sheets(
     stats.rays[RayKind::Shadow as usize]
 }
 
-/// Makes rays to the light; a bit for each that leaves to the side that the normal is on.
+/// Makes rays to the light; a bit for each that leaves to the side that the normal is on, and for each that meets the root.
 #[inline(always)]
 fn aim_all<R: Registers>(
     surfaces: &Surfaces,
@@ -97,13 +98,15 @@ fn aim_all<R: Registers>(
     light: DVec3,
     packet: &mut Packet,
     cosines: &mut Cosines<[f32; LANES]>,
-) -> u32 {
-    let mut turned_to = 0;
+) -> (u32, u32) {
+    let (mut turned_to, mut meets_root) = (0, 0);
+    let is_round = surfaces.is_round();
     for half in [0, DOUBLES] {
         let at = first + half;
         let (point, outward) = (load::<R::D8, _>(surfaces.leaving(), at), load(&surfaces.outward, at));
-        let to_light = aim(light, point, outward, load(&surfaces.normal, at), load(&surfaces.mirrored, at));
-        turned_to |= to_light.turned_to << half;
+        let to_light = aim(light, point, outward, load(&surfaces.normal, at), load(&surfaces.mirrored, at), is_round);
+        turned_to |= (to_light.turned_to & 0xff) << half;
+        meets_root |= (to_light.meets_root & 0xff) << half;
         to_light.cosines.normal.narrow(&mut cosines.normal[half..]);
         to_light.cosines.mirrored.narrow(&mut cosines.mirrored[half..]);
         for axis in 0..3 {
@@ -112,7 +115,7 @@ fn aim_all<R: Registers>(
         }
         to_light.distance.narrow(&mut packet.t_max[half..]);
     }
-    turned_to
+    (turned_to, meets_root)
 }
 
 /// Adds what a light of this colour brings to the surfaces of the `lit` lanes.

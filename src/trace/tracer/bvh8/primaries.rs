@@ -11,6 +11,7 @@ use crate::tracer::primary::PrimaryRays;
 use crate::tracer::ray::{Source, entering};
 use crate::tracer::simd::lanes::{Doubles, Lanes};
 use crate::tracer::simd::{Registers, Task};
+use crate::tracer::vector::splat;
 
 /// Rays that a packet is made of are from a square of so many pixels a side.
 const SQUARE: usize = 4;
@@ -43,7 +44,7 @@ impl Task for Primaries<'_, '_> {
                     for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
                         if let Some(primitive) = packet.hit(lane) {
                             let pixel = (y + lane as u32 / 4) * rect.width + x + lane as u32 % 4;
-                            wave.push(packet.ray(lane), Origin { parent: pixel, share: Share::WHOLE });
+                            wave.push(packet.ray(lane), Origin { parent: pixel, share: Share::WHOLE, bounces: 0, sheets: 0 });
                             found.push(primitive);
                         }
                     }
@@ -66,7 +67,7 @@ fn aim<R: Registers>(camera: &PrimaryRays, rect: Rect, x: u32, y: u32, packet: &
     let mut sees = 0;
     for half in [0, DOUBLES] {
         let direction = camera.directions(R::D8::load(&xs[half..]), R::D8::load(&ys[half..]));
-        let (origin, _, enters) = entering(camera.eye.to_array(), direction);
+        let (origin, _, enters) = entering(splat(camera.eye.to_array()), direction);
         sees |= (enters & 0xff) << half;
         for axis in 0..3 {
             origin[axis].narrow(&mut packet.origin[axis][half..]);

@@ -131,7 +131,7 @@ impl Surfaces {
             self.normal[axis][at] = normal[axis];
             self.diffuse[axis][at] = diffuse[axis];
         }
-        if !self.rounded[0].is_empty() {
+        if self.is_round() {
             let shading = facing_round(normal.to_array(), point.normal.to_array(), ray.direction_f64().to_array());
             let rounded = corners.rounded(&hit, &point, shading.into());
             for axis in 0..3 {
@@ -152,10 +152,16 @@ impl Surfaces {
         }
     }
 
+    /// Whether the terminator is soft.
+    #[inline(always)]
+    pub(super) fn is_round(&self) -> bool {
+        !self.rounded[0].is_empty()
+    }
+
     /// Where rays to lights leave.
     #[inline(always)]
     pub(super) fn leaving(&self) -> &[Vec<f64>; 3] {
-        if self.rounded[0].is_empty() { &self.position } else { &self.rounded }
+        if self.is_round() { &self.rounded } else { &self.position }
     }
 }
 
@@ -235,7 +241,7 @@ impl Chunk {
             let tint = tint([widen::<L>(a), widen::<L>(b), widen::<L>(c)], weights);
             surfaces.tint(first, self.coloured & decided, tint);
         }
-        if !surfaces.rounded[0].is_empty() {
+        if surfaces.is_round() {
             let mut from = position;
             if self.smooth != 0 {
                 let shading = facing_round(normal, outward, direction);
@@ -254,9 +260,9 @@ impl Chunk {
     fn mirror<L: Doubles>(&self, surfaces: &mut Surfaces, first: usize) {
         let incoming = widen::<L>(&self.direction);
         let own = load(&surfaces.normal, first);
-        let normal = match surfaces.rounded[0].is_empty() {
-            true => facing::<L>(own, incoming),
-            false => facing_round(own, load(&surfaces.outward, first), incoming),
+        let normal = match surfaces.is_round() {
+            true => facing_round(own, load(&surfaces.outward, first), incoming),
+            false => facing::<L>(own, incoming),
         };
         store(normal, &mut surfaces.normal, first);
         store(mirrored(incoming, normal), &mut surfaces.mirrored, first);

@@ -22,6 +22,9 @@ pub(super) struct Origin {
     /// Of the first wave a pixel of the tile, else a ray of the wave before.
     pub parent: u32,
     pub share: Share,
+    /// Reflections and refractions so far, and sheets that were passed.
+    pub bounces: u32,
+    pub sheets: u32,
 }
 
 impl Wave {
