@@ -11,8 +11,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = scene.parse::<SceneSource>()?.load()?;
     let settings = ImageSettings::new(256, 256, ImageSettings::DEPTH_DEFAULT, 0.0)?;
     // The terminator is what is usual for the kind of file; width, height, depth and cutoff are ours.
-    let image = |defaults: &ImageDefaults| Ok(settings.with_terminator(defaults.terminator));
-    let view = view(&scene, &ViewChoices::default(), image)?;
+    let image_settings = |defaults: &ImageDefaults| Ok(settings.with_terminator(defaults.terminator));
+    let view = view(&scene, &ViewChoices::default(), image_settings)?;
     let database = build_database(&scene, Octree::DEFAULT.into())?;
     let rendering = Renderer::new(&database).render(&view)?;
     rendering.frame.write(Path::new(image), false)?;

@@ -96,7 +96,7 @@ pub(crate) mod tests {
         let (database, _) = teapot(8, 1);
         let image = ImageSettings::new(8, 8, 4, 0.01).expect("possible");
         let scene = "teapot".parse::<trace::scene::SceneSource>().expect("a scene").load().expect("procedural");
-        let view = preparation::view(&scene, &preparation::Fallback::default(), |_| Ok(image)).expect("a view");
+        let view = preparation::view(&scene, &preparation::ViewChoices::default(), |_| Ok(image)).expect("a view");
         let tiling = Tiling::new(Sides { width: 16, height: 8, tile_width: 8, tile_height: 8 }).expect("possible");
         Captured::capture(&database, &view, tiling, true, 1);
     }
