@@ -14,18 +14,31 @@ mod exhaustive;
 mod outline;
 mod point_tree;
 mod sequence;
+mod snapping;
 mod winding;
 
 use glam::DVec3;
 
 use clipping::Clipping;
 use outline::Outline;
+use snapping::Snapped;
 
 /// Work that a polygon may take, in looks at a vertex or at a group of them: some seconds, or where it is very large,
 /// some milliseconds per hundred vertices.
 fn steps_max(count: usize) -> u64 {
     (1 << 27).max((count as u64) << 11)
 }
+
+/// Beside a polygon's extent. Nothing is seen of a clockwise triangle that is narrower.
+const INVISIBLE: f64 = 1.0 / (1 << 20) as f64;
+
+/// How far the vertices of a polygon that crosses itself may be beside the places that are meant, relative to its
+/// extent: the first that explains it is taken. Coordinates of six digits are rounded by half of the last.
+const ROUNDINGS: [f64; 4] =
+    [1.0 / (1u64 << 40) as f64, 1.0 / (1 << 30) as f64, 1.0 / (1 << 20) as f64, 1.0 / (1 << 16) as f64];
+
+/// How much wider than a vertex is moved a clockwise triangle may be, for that.
+const SLACK: f64 = 4.0;
 
 /// A triangle of a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +94,8 @@ impl Ear {
 struct Work {
     sweep: u64,
     clipping: u64,
+    /// All about outlines that are moved.
+    snapping: u64,
 }
 
 impl Work {
@@ -100,18 +115,10 @@ impl Work {
             let fan = (0..count - 3).map(|i| [count - 1, i, i + 1]);
             (fan.chain([[count - 3, count - 2, count - 1]]).map(ear).collect(), false)
         } else {
-            let is_once_around = winding::is_once_around(&outline, steps_max, &mut self.sweep);
-            let mut clipping = Clipping::new(&outline);
-            let is_done = self.sweep <= steps_max && clipping.run(steps_max);
-            self.clipping = clipping.steps;
-            if !is_done {
+            let Some((triangles, crosses_itself)) = self.clip(&outline, steps_max) else {
                 return Cut { ears: Vec::new(), flaw: Some(Flaw::TooIntricate) };
-            }
-            let (mut triangles, mut is_forced) = (clipping.triangles, clipping.is_forced);
-            if is_forced && let Some(best) = exhaustive::triangles(&outline) {
-                (triangles, is_forced) = best;
-            }
-            (triangles.into_iter().map(ear).collect(), is_forced || !is_once_around)
+            };
+            (triangles.into_iter().map(ear).collect(), crosses_itself)
         };
         let is_flat = |ear: &Ear| {
             let [a, b, c] = ear.corners;
@@ -124,7 +131,42 @@ impl Work {
         };
         Cut { ears, flaw }
     }
+
+    /// The triangles of any outline, and whether it crosses itself; `None` when it takes more than `steps_max`.
+    fn clip(&mut self, outline: &Outline, steps_max: u64) -> Option<(Vec<[u32; 3]>, bool)> {
+        let is_once_around = winding::is_once_around(outline, steps_max, &mut self.sweep);
+        if self.sweep > steps_max {
+            return None;
+        }
+        let mut clipping = Clipping::new(outline);
+        let is_done = clipping.run(steps_max);
+        self.clipping = clipping.steps;
+        let clipped = is_done.then_some(clipping.triangles);
+        let width_max = INVISIBLE * outline.extent();
+        let right = clipped.as_ref().filter(|triangles| outline.clockwise_width(triangles) <= width_max);
+        if is_once_around && right.is_some() {
+            return Some((clipped?, false));
+        }
+        if let Some(triangles) = ROUNDINGS.iter().find_map(|rounding| {
+            let tolerance = rounding * outline.extent();
+            let snapped = Snapped::new(outline, tolerance, steps_max, &mut self.snapping)?;
+            if !snapped.is_once_around(steps_max, &mut self.snapping) {
+                return None;
+            }
+            if let Some(right) = right {
+                return Some(right.clone());
+            }
+            let triangles = snapped.triangles(steps_max, &mut self.snapping)?;
+            (outline.clockwise_width(&triangles) <= SLACK * tolerance).then_some(triangles)
+        }) {
+            return Some((triangles, false));
+        }
+        let best = if right.is_none() { exhaustive::triangles(outline) } else { None };
+        Some((best.or(clipped)?, true))
+    }
 }
 
+#[cfg(test)]
+mod rounding_tests;
 #[cfg(test)]
 mod tests;
