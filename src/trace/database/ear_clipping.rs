@@ -29,16 +29,24 @@ fn steps_max(count: usize) -> u64 {
     (1 << 27).max((count as u64) << 11)
 }
 
-/// Beside a polygon's extent. Nothing is seen of a clockwise triangle that is narrower.
-const INVISIBLE: f64 = 1.0 / (1 << 20) as f64;
+/// A clockwise triangle is not seen when it is narrower, relative to the polygon's extent.
+const INVISIBLE: f64 = power_of_two(-20);
 
-/// How far the vertices of a polygon that crosses itself may be beside the places that are meant, relative to its
-/// extent: the first that explains it is taken. Coordinates of six digits are rounded by half of the last.
-const ROUNDINGS: [f64; 4] =
-    [1.0 / (1u64 << 40) as f64, 1.0 / (1 << 30) as f64, 1.0 / (1 << 20) as f64, 1.0 / (1 << 16) as f64];
+/// How far vertices are moved to where they may be meant, relative to the polygon's extent: the first distance that
+/// gives an outline that does not cross itself is taken. Twice the diagonal of half of the last of six digits is
+/// less than the third.
+const ROUNDINGS: [f64; 5] =
+    [power_of_two(-32), power_of_two(-20), power_of_two(-16), power_of_two(-13), power_of_two(-10)];
 
-/// How much wider than a vertex is moved a clockwise triangle may be, for that.
+/// A polygon that needs larger ones crosses itself.
+const ROUNDING_MAX: f64 = ROUNDINGS[2];
+
+/// How wide a clockwise triangle may be, relative to how far its vertices were moved.
 const SLACK: f64 = 4.0;
+
+const fn power_of_two(exponent: i64) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}
 
 /// A triangle of a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,27 +150,26 @@ impl Work {
         let is_done = clipping.run(steps_max);
         self.clipping = clipping.steps;
         let clipped = is_done.then_some(clipping.triangles);
-        let width_max = INVISIBLE * outline.extent();
-        let right = clipped.as_ref().filter(|triangles| outline.clockwise_width(triangles) <= width_max);
+        let is_right = |triangles: &Vec<_>, width: f64| outline.clockwise_width(triangles) <= width * outline.extent();
+        let right = clipped.as_ref().filter(|triangles| is_right(triangles, INVISIBLE));
         if is_once_around && right.is_some() {
             return Some((clipped?, false));
         }
-        if let Some(triangles) = ROUNDINGS.iter().find_map(|rounding| {
-            let tolerance = rounding * outline.extent();
-            let snapped = Snapped::new(outline, tolerance, steps_max, &mut self.snapping)?;
+        let mut snap = |rounding: f64| {
+            let snapped = Snapped::new(outline, rounding * outline.extent(), steps_max, &mut self.snapping)?;
             if !snapped.is_once_around(steps_max, &mut self.snapping) {
                 return None;
             }
-            if let Some(right) = right {
-                return Some(right.clone());
-            }
-            let triangles = snapped.triangles(steps_max, &mut self.snapping)?;
-            (outline.clockwise_width(&triangles) <= SLACK * tolerance).then_some(triangles)
-        }) {
-            return Some((triangles, false));
+            // The first triangles are kept where they can be.
+            let triangles = right.cloned().or_else(|| snapped.triangles(steps_max, &mut self.snapping))?;
+            is_right(&triangles, SLACK * rounding.max(INVISIBLE)).then_some((triangles, rounding > ROUNDING_MAX))
+        };
+        let snapped = ROUNDINGS.into_iter().find_map(&mut snap);
+        if snapped.as_ref().is_some_and(|&(_, crosses_itself)| !crosses_itself) {
+            return snapped;
         }
         let best = if right.is_none() { exhaustive::triangles(outline) } else { None };
-        Some((best.or(clipped)?, true))
+        Some((best.or(snapped.map(|(triangles, _)| triangles)).or(clipped)?, true))
     }
 }
 
