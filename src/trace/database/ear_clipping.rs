@@ -14,17 +14,38 @@ mod exhaustive;
 mod outline;
 mod point_tree;
 mod sequence;
+mod snapping;
 mod winding;
 
 use glam::DVec3;
 
 use clipping::Clipping;
 use outline::Outline;
+use snapping::Snapped;
 
 /// Work that a polygon may take, in looks at a vertex or at a group of them: some seconds, or where it is very large,
 /// some milliseconds per hundred vertices.
 fn steps_max(count: usize) -> u64 {
     (1 << 27).max((count as u64) << 11)
+}
+
+/// A clockwise triangle is not seen when it is narrower, relative to the polygon's extent.
+const INVISIBLE: f64 = power_of_two(-20);
+
+/// How far vertices are moved to where they may be meant, relative to the polygon's extent: the first distance that
+/// gives an outline that does not cross itself is taken. Twice the diagonal of half of the last of six digits is
+/// less than the third.
+const ROUNDINGS: [f64; 5] =
+    [power_of_two(-32), power_of_two(-20), power_of_two(-16), power_of_two(-13), power_of_two(-10)];
+
+/// A polygon that needs larger ones crosses itself.
+const ROUNDING_MAX: f64 = ROUNDINGS[2];
+
+/// How wide a clockwise triangle may be, relative to how far its vertices were moved.
+const SLACK: f64 = 4.0;
+
+const fn power_of_two(exponent: i64) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
 }
 
 /// A triangle of a polygon.
@@ -81,6 +102,8 @@ impl Ear {
 struct Work {
     sweep: u64,
     clipping: u64,
+    /// All about outlines that are moved.
+    snapping: u64,
 }
 
 impl Work {
@@ -100,18 +123,10 @@ impl Work {
             let fan = (0..count - 3).map(|i| [count - 1, i, i + 1]);
             (fan.chain([[count - 3, count - 2, count - 1]]).map(ear).collect(), false)
         } else {
-            let is_once_around = winding::is_once_around(&outline, steps_max, &mut self.sweep);
-            let mut clipping = Clipping::new(&outline);
-            let is_done = self.sweep <= steps_max && clipping.run(steps_max);
-            self.clipping = clipping.steps;
-            if !is_done {
+            let Some((triangles, crosses_itself)) = self.clip(&outline, steps_max) else {
                 return Cut { ears: Vec::new(), flaw: Some(Flaw::TooIntricate) };
-            }
-            let (mut triangles, mut is_forced) = (clipping.triangles, clipping.is_forced);
-            if is_forced && let Some(best) = exhaustive::triangles(&outline) {
-                (triangles, is_forced) = best;
-            }
-            (triangles.into_iter().map(ear).collect(), is_forced || !is_once_around)
+            };
+            (triangles.into_iter().map(ear).collect(), crosses_itself)
         };
         let is_flat = |ear: &Ear| {
             let [a, b, c] = ear.corners;
@@ -124,7 +139,41 @@ impl Work {
         };
         Cut { ears, flaw }
     }
+
+    /// The triangles of any outline, and whether it crosses itself; `None` when it takes more than `steps_max`.
+    fn clip(&mut self, outline: &Outline, steps_max: u64) -> Option<(Vec<[u32; 3]>, bool)> {
+        let is_once_around = winding::is_once_around(outline, steps_max, &mut self.sweep);
+        if self.sweep > steps_max {
+            return None;
+        }
+        let mut clipping = Clipping::new(outline);
+        let is_done = clipping.run(steps_max);
+        self.clipping = clipping.steps;
+        let clipped = is_done.then_some(clipping.triangles);
+        let is_right = |triangles: &Vec<_>, width: f64| outline.clockwise_width(triangles) <= width * outline.extent();
+        let right = clipped.as_ref().filter(|triangles| is_right(triangles, INVISIBLE));
+        if is_once_around && right.is_some() {
+            return Some((clipped?, false));
+        }
+        let mut snap = |rounding: f64| {
+            let snapped = Snapped::new(outline, rounding * outline.extent(), steps_max, &mut self.snapping)?;
+            if !snapped.is_once_around(steps_max, &mut self.snapping) {
+                return None;
+            }
+            // The first triangles are kept where they can be.
+            let triangles = right.cloned().or_else(|| snapped.triangles(steps_max, &mut self.snapping))?;
+            is_right(&triangles, SLACK * rounding.max(INVISIBLE)).then_some((triangles, rounding > ROUNDING_MAX))
+        };
+        let snapped = ROUNDINGS.into_iter().find_map(&mut snap);
+        if snapped.as_ref().is_some_and(|&(_, crosses_itself)| !crosses_itself) {
+            return snapped;
+        }
+        let best = if right.is_none() { exhaustive::triangles(outline) } else { None };
+        Some((best.or(snapped.map(|(triangles, _)| triangles)).or(clipped)?, true))
+    }
 }
 
+#[cfg(test)]
+mod rounding_tests;
 #[cfg(test)]
 mod tests;

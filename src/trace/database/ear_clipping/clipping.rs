@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::outline::{Outline, Point, compare, turn};
+use super::outline::{Outline, Point, is_straight, turn};
 use super::point_tree::{Area, PointTree};
 
 /// What it costs to look at a vertex again, in steps (measured, when caches are cold).
@@ -31,8 +31,6 @@ pub(super) struct Clipping<'a> {
     /// From when there was no ear for the first time.
     touching: Option<Touching>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Whether some triangle is clockwise, or has other parts of the polygon in it.
-    pub(super) is_forced: bool,
     pub(super) steps: u64,
 }
 
@@ -68,7 +66,6 @@ impl<'a> Clipping<'a> {
             ears: Candidates::new(n, (0..n).collect()),
             touching: None,
             triangles: Vec::with_capacity(n as usize - 2),
-            is_forced: false,
             steps: 0,
         }
     }
@@ -83,9 +80,7 @@ impl<'a> Clipping<'a> {
             self.cut(vertex);
         }
         // What remains is written from its lowest vertex on.
-        let last @ [a, b, c] = self.triangle(self.next[self.first_left() as usize]);
-        self.is_forced |= self.touching.is_some() && self.outline.turn(a, b, c) < 0.0;
-        self.triangles.push(last);
+        self.triangles.push(self.triangle(self.next[self.first_left() as usize]));
         true
     }
 
@@ -113,7 +108,6 @@ impl<'a> Clipping<'a> {
             }
         }
         let smallest = self.touching.as_ref().and_then(|touching| touching.by_size.first().copied());
-        self.is_forced |= smallest.is_some_and(|(size, _)| size > 0);
         smallest.map_or_else(|| self.first_left(), |(_, vertex)| vertex)
     }
 
@@ -190,10 +184,9 @@ impl<'a> Clipping<'a> {
         let size = turn.abs().to_bits();
         touching.size[vertex as usize] = size;
         touching.by_size.insert((size, vertex));
-        let is_straight = compare(a, b).is_ne() && compare(a, b) == compare(b, c);
         if turn > 0.0 {
             touching.ears.vertices.insert(vertex);
-        } else if turn == 0.0 && !is_straight {
+        } else if turn == 0.0 && !is_straight(a, b, c) {
             touching.spikes.insert(vertex);
         }
     }

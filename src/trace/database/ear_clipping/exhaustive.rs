@@ -5,9 +5,9 @@ use super::outline::Outline;
 /// A millisecond or two.
 const VERTICES_MAX: u32 = 100;
 
-/// n − 2 triangles that an outline is made of, those of them that are clockwise as small as can be, and whether
-/// there are any; `None` for an outline that is too large to look for them.
-pub(super) fn triangles(outline: &Outline) -> Option<(Vec<[u32; 3]>, bool)> {
+/// n − 2 triangles that an outline is made of, those of them that are clockwise as small as can be; `None` for an
+/// outline that is too large to look for them.
+pub(super) fn triangles(outline: &Outline) -> Option<Vec<[u32; 3]>> {
     let n = outline.count();
     if !(3..=VERTICES_MAX).contains(&n) {
         return None;
@@ -36,5 +36,5 @@ pub(super) fn triangles(outline: &Outline) -> Option<(Vec<[u32; 3]>, bool)> {
             rest.extend([(middle, last), (first, middle)]);
         }
     }
-    Some((triangles, best[at(0, n - 1)].0 > 0.0))
+    Some(triangles)
 }

@@ -1,6 +1,7 @@
 //! A polygon seen along the largest component of its normal, so that it is counter-clockwise.
 
 use std::cmp::Ordering;
+use std::collections::VecDeque;
 
 use glam::DVec3;
 use robust::{Coord, orient2d};
@@ -74,6 +75,44 @@ impl Outline {
         side(0).max(side(1))
     }
 
+    /// How wide the widest clockwise one of some triangles is.
+    pub(super) fn clockwise_width(&self, triangles: &[[u32; 3]]) -> f64 {
+        let width = |&[a, b, c]: &[u32; 3]| {
+            let turn = self.turn(a, b, c);
+            let side = |from: u32, to: u32| {
+                let ([x, y], [to_x, to_y]) = (self.point(from), self.point(to));
+                ((to_x - x) * (to_x - x) + (to_y - y) * (to_y - y)).sqrt()
+            };
+            if turn < 0.0 { -turn / side(a, b).max(side(b, c)).max(side(c, a)) } else { 0.0 }
+        };
+        triangles.iter().map(width).fold(0.0, f64::max)
+    }
+
+    /// What remains when the tips of spikes without width are cut off. It goes as often around every point.
+    pub(super) fn without_spikes(&self) -> Self {
+        let mut points: VecDeque<Point> = VecDeque::new();
+        let is_tip = |[a, b, c]: [Point; 3]| turn(a, b, c) == 0.0 && !is_straight(a, b, c);
+        for &point in &self.points {
+            points.push_back(point);
+            while let n @ 3.. = points.len()
+                && is_tip([points[n - 3], points[n - 2], points[n - 1]])
+            {
+                points.remove(n - 2);
+            }
+        }
+        // Around the first one.
+        while let n @ 3.. = points.len() {
+            if is_tip([points[n - 2], points[n - 1], points[0]]) {
+                points.pop_back();
+            } else if is_tip([points[n - 1], points[0], points[1]]) {
+                points.pop_front();
+            } else {
+                break;
+            }
+        }
+        Self { points: points.into(), sign: self.sign }
+    }
+
     pub(super) fn turns_left_only(&self) -> bool {
         self.areas().all(|area| area >= 0.0)
     }
@@ -99,8 +138,16 @@ impl Outline {
 /// a polygon whose parts cancel out, such as a bow tie's, or which is small and far away.
 fn balanced(mut points: impl Iterator<Item = DVec3> + Clone) -> (DVec3, DVec3) {
     let Some(first) = points.next() else { return Default::default() };
-    let areas = points.clone().zip(points.skip(1)).map(|(a, b)| (a - first).cross(b - first));
-    areas.fold(Default::default(), |(normal, size), area| (normal + area, size + area.abs()))
+    let ways = points.map(|point| point - first);
+    let areas = ways.clone().zip(ways.clone().skip(1)).map(|(a, b)| a.cross(b));
+    let (normal, size): (DVec3, DVec3) =
+        areas.fold(Default::default(), |(normal, size), area| (normal + area, size + area.abs()));
+    if size != DVec3::ZERO {
+        return (normal, size);
+    }
+    // There are only spikes; any plane that they are in.
+    let longest = ways.clone().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared())).unwrap_or_default();
+    (normal, ways.map(|way| way.cross(longest).abs()).sum())
 }
 
 /// A power of two that makes the largest coordinate about 1, so that no product overflows.
@@ -121,6 +168,11 @@ pub(super) fn compare(a: Point, b: Point) -> Ordering {
     // Equal zeros of either sign.
     let order = |a: f64, b: f64| a.partial_cmp(&b).unwrap_or(Ordering::Equal);
     order(a[0], b[0]).then(order(a[1], b[1]))
+}
+
+/// Whether the way from `a` over `b` to `c`, which are on one line, goes on in the same direction.
+pub(super) fn is_straight(a: Point, b: Point, c: Point) -> bool {
+    compare(a, b).is_ne() && compare(a, b) == compare(b, c)
 }
 
 pub(super) fn has_area(vertices: &[DVec3; 3]) -> bool {

@@ -9,7 +9,7 @@ const LEAF_POINTS_MAX: usize = 32;
 /// A bound on the error of an area, relative to the sum of its two products' sizes.
 const ERROR: f64 = 4.0 * f64::EPSILON;
 
-type Bounds = [Point; 2];
+pub(super) type Bounds = [Point; 2];
 
 const NOTHING: Bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
@@ -113,6 +113,17 @@ impl PointTree {
     /// A vertex in an area of which `is_sought` is true. `steps` counts the nodes and points looked at.
     #[inline]
     pub(super) fn find(&self, area: &Area, steps: &mut u64, is_sought: impl Fn(u32, Point) -> bool) -> Option<u32> {
+        self.walk(|bounds| area.may_reach(bounds), steps, is_sought)
+    }
+
+    /// The first vertex of which `is_last` is true; it is asked about all in the nodes of which `may_reach` is true.
+    #[inline]
+    pub(super) fn walk(
+        &self,
+        may_reach: impl Fn(&Bounds) -> bool,
+        steps: &mut u64,
+        mut is_last: impl FnMut(u32, Point) -> bool,
+    ) -> Option<u32> {
         // Two nodes of every level at the most.
         let mut rest = [0; 64];
         let mut count = 1;
@@ -120,7 +131,7 @@ impl PointTree {
             count -= 1;
             let node = rest[count];
             *steps += 1;
-            if !area.may_reach(&self.bounds[node]) {
+            if !may_reach(&self.bounds[node]) {
                 continue;
             }
             match (node + 1).checked_sub(self.leaves()) {
@@ -132,7 +143,7 @@ impl PointTree {
                 Some(leaf) => {
                     let slots = &self.slots[self.start(leaf)..self.start(leaf + 1)];
                     *steps += slots.len() as u64;
-                    if let Some(&(vertex, _)) = slots.iter().find(|&&(vertex, point)| is_sought(vertex, point)) {
+                    if let Some(&(vertex, _)) = slots.iter().find(|&&(vertex, point)| is_last(vertex, point)) {
                         return Some(vertex);
                     }
                 }
