@@ -4,6 +4,7 @@ mod chosen_view;
 mod view_choices;
 mod visibility;
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -33,6 +34,8 @@ pub struct Prepared {
     pub chosen: Vec<CameraPart>,
     /// Those of the scene first, then those of its polygons, then those of its view.
     pub warnings: Vec<Warning>,
+    /// Files that the scene was read from besides its own.
+    pub libraries: Vec<PathBuf>,
     /// Reading the scene.
     pub load: Duration,
     /// Compiling it and building its octree.
@@ -80,10 +83,11 @@ pub fn prepare(
     let load = start.elapsed();
     let ChosenView { view, bounds, has_camera, chosen, warnings: of_view } =
         choose(&scene, choices, image).map_err(PreparationError::View)?;
+    let libraries = scene.libraries.clone();
     let start = Instant::now();
     let (database, mut warnings) = build(source, scene, octree)?;
     let build = start.elapsed();
     let may_be_seen = visibility::of_bounds(bounds, &view).is_none();
     warnings.extend(of_view.into_iter().chain(may_be_seen.then(|| visibility::of_light(&database, &view)).flatten()));
-    Ok(Prepared { database, view, bounds, has_camera, chosen, warnings, load, build })
+    Ok(Prepared { database, view, bounds, has_camera, chosen, warnings, libraries, load, build })
 }

@@ -222,6 +222,65 @@ fn a_soft_terminator_has_no_black_steps() {
     }
 }
 
+/// The normals near the outline turn away from the eye; a light from before or from aside reaches it all the same.
+#[test]
+fn a_round_surface_is_lit_up_to_its_outline() {
+    for (rings, light) in [4, 6, 12].into_iter().flat_map(|rings| {
+        [[0.0, -4.0, 0.0], [3.0, -3.0, 3.0], [-40.0, -10.0, 10.0]].map(|light| (rings, DVec3::from_array(light)))
+    }) {
+        let steps = [Terminator::Hard, Terminator::Soft].map(|terminator| {
+            let mut scene = ball(rings, terminator);
+            scene.lights[0].position = light;
+            black_steps(&scene)
+        });
+        eprintln!("{rings} rings, light at {light}: {steps:?}");
+        // From where the eye is, a light reaches all that is seen.
+        let is_at_eye = light.x == 0.0;
+        assert!(
+            if is_at_eye { steps[1] == 0 } else { steps[1] * 2 <= steps[0].max(2) },
+            "{rings} rings, light at {light}: {steps:?}"
+        );
+    }
+}
+
+/// The corners of the ball are where the scene ends, and then far within it.
+#[test]
+fn a_soft_terminator_does_not_depend_on_how_far_the_scene_reaches() {
+    let scene = ball(5, Terminator::Soft);
+    let mut wider = scene.clone();
+    add_sphere(&mut wider, DVec3::new(0.0, 40.0, 40.0), 0.5);
+    let (alone, beside) = (image(&scene).0, image(&wider).0);
+    let differing = alone.colour.iter().zip(&beside.colour).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-2);
+    assert!(differing.count() <= 10);
+}
+
+#[test]
+fn sheets_are_no_bounces() {
+    let mut scene = from_above();
+    scene.materials.push(matt(DVec3::Y));
+    square(&mut scene, 1.0, -2.0);
+    scene.materials.push(sheet(DVec3::X, 0.0));
+    // Small, as each pixel of each sheet is a ray with shadows of its own. More than there may be bounces, and as many as there may be sheets.
+    for count in 1..=64 {
+        square(&mut scene, 0.2, f64::from(count) * 0.01);
+        if [1, 5, 20, 64].contains(&count) {
+            assert_close(middle(&scene), DVec3::Y);
+        }
+    }
+    square(&mut scene, 0.2, 1.0);
+    assert_eq!(middle(&scene), DVec3::ZERO);
+    // Behind a sheet a mirror reflects as often as it would without.
+    let mut mirrors = from_above();
+    mirrors.materials.push(Material { reflection: DVec3::splat(0.5), ..matt(DVec3::ZERO) });
+    square(&mut mirrors, 1.0, 0.0);
+    let plain = middle(&mirrors);
+    mirrors.materials.push(sheet(DVec3::ZERO, 0.5));
+    for z in [1.0, 1.5, 2.0] {
+        square(&mut mirrors, 2.0, z);
+    }
+    assert_close(middle(&mirrors), plain * 0.5f64.powi(6));
+}
+
 #[test]
 fn a_soft_terminator_changes_neither_flat_nor_curved_surfaces() {
     let mut scene = from_above();

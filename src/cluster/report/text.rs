@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{Kernel, Report, Status, Verification};
+use super::{Kernel, Report, Status, Verification, incident};
 
 /// Several lines, each with a name in front.
 pub fn summary(report: &Report) -> String {
@@ -19,7 +19,7 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         "scene",
         format_args!(
             "{}, {} primitives, database {}",
-            scene.source,
+            incident::line(&scene.source),
             Grouped(scene.primitives),
             Bytes(scene.database_bytes)
         ),
@@ -102,7 +102,10 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
         "image",
         format_args!("{}x{}, sha256 {}", image.width, image.height, image.sha256.as_deref().unwrap_or("unknown")),
     )?;
-    image.files.iter().try_for_each(|file| line(out, "", format_args!("{}", file.display())))?;
+    image
+        .files
+        .iter()
+        .try_for_each(|file| line(out, "", format_args!("{}", incident::line(&file.display().to_string()))))?;
     report
         .warnings
         .iter()

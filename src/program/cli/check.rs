@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::{Failure, print, subject};
 use cluster::processes::scene_warnings;
+use cluster::report::incident;
 use cluster::report::{Bounds, Camera};
 use cluster::topology::{Host, Launch, Override, Topology};
 use machine::hardware::specification::{Arbiter, LocalMemory, MemorySize};
@@ -43,7 +44,7 @@ pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
         error => error.into(),
     })?;
     scene_warnings::show(&subject.warnings);
-    if arguments.strict && subject.warnings.iter().any(preparation::is_certain) {
+    if arguments.strict && subject.warnings.iter().any(trace::preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
     print(&summary(&topology, &subject))
@@ -89,13 +90,13 @@ fn summary(topology: &Topology, Subject { image, scene, .. }: &Subject) -> Strin
     line("topology", format_args!("{}", topology.name));
     match scene {
         Some(Seen { primitives, bounds, camera }) => {
-            line("scene", format_args!("{}, {primitives} primitives", topology.scene));
+            line("scene", format_args!("{}, {primitives} primitives", incident::line(&topology.scene.to_string())));
             if let Some(bounds) = bounds {
                 line("bounds", format_args!("{bounds}"));
             }
             line("camera", format_args!("{camera}"));
         }
-        None => line("scene", format_args!("{}", topology.scene)),
+        None => line("scene", format_args!("{}", incident::line(&topology.scene.to_string()))),
     }
     let (width, height, depth, cutoff) = (image.width(), image.height(), image.depth(), image.cutoff());
     let terminator = image.terminator();

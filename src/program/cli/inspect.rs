@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::options::OctreeOptions;
 use super::{Failure, print};
 use cluster::processes::scene_warnings;
+use cluster::report::incident;
 use cluster::report::{Bounds, Camera};
 use trace::database::Section;
 use trace::database::verify::Verified;
@@ -142,7 +143,7 @@ impl Inspection {
     }
 
     fn write(&self, out: &mut String) -> std::fmt::Result {
-        writeln!(out, "scene     {}, {} primitives", self.scene, self.scene_primitives)?;
+        writeln!(out, "scene     {}, {} primitives", incident::line(&self.scene), self.scene_primitives)?;
         if let Some(bounds) = &self.bounds {
             writeln!(out, "bounds    {bounds}")?;
         }

@@ -1,7 +1,7 @@
 //! `marti render SCENE`
 
 use std::ops::ControlFlow;
-use std::path::{self, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
@@ -133,18 +133,21 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let (aov, exr) = (arguments.planes.aov(), arguments.planes.exr());
     let subject = arguments.subject()?;
     let image = arguments.image(&subject);
-    if let Some(report) = &arguments.report
-        && let files = image_file::files(&image, aov, exr)
-        && files.iter().any(|file| path::absolute(file).ok() == path::absolute(report).ok())
-    {
-        return Err(Failure::bad_input(format!("--report {}: the image is written to this file", report.display())));
-    }
-    [Some(&image), arguments.report.as_ref()].into_iter().flatten().try_for_each(|file| output_path::check(file))?;
+    let files = image_file::files(&image, aov, exr);
+    let written = files.iter().map(|file| ("-o", file.as_path()));
+    let outputs: Vec<_> = written.chain(arguments.report.as_deref().map(|report| ("--report", report))).collect();
+    outputs.iter().try_for_each(|(_, file)| output_path::check(file))?;
+    let read = [&arguments.scene, &subject.scene].map(|scene| match scene {
+        SceneSource::File(file) => Some(file.as_path()),
+        SceneSource::Procedural(_) => None,
+    });
+    output_path::check_apart(&outputs, &read.into_iter().flatten().collect::<Vec<_>>())?;
     // One process has no tiles that could be too large.
     let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
     let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
+    output_path::check_apart(&outputs, &prepared.libraries.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     scene_warnings::show(&prepared.warnings);
-    if arguments.strict && prepared.warnings.iter().any(preparation::is_certain) {
+    if arguments.strict && prepared.warnings.iter().any(trace::preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
     let derivation = Instant::now();
@@ -180,8 +183,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
             break complete.expect("the first one is always taken");
         }
     };
-    let files =
-        rendering.frame.write(&image, exr).map_err(|error| Failure::failed(format!("{}: {error}", image.display())))?;
+    let files = rendering.frame.write(&image, exr).map_err(|error| Failure::failed(error.to_string()))?;
     let seconds = Seconds {
         load: prepared.load.as_secs_f64(),
         octree: (prepared.build + derivation).as_secs_f64(),

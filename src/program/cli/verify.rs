@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::options::OctreeOptions;
 use super::{Failure, print, watertight};
 use cluster::processes::scene_warnings;
+use cluster::report::incident;
 use trace::oracle::{self, AimedAt, Outcomes, Verification};
 use trace::picture::ImageSettings;
 use trace::preparation::{self, ViewChoices};
@@ -113,7 +114,7 @@ impl fmt::Display for Report {
     /// A row a kernel, and what HERO's rays were aimed at; JSON has that of every kernel.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Placement { scale, translation } = self.placement;
-        writeln!(out, "scene     {}, scaled by {scale:e}, moved by {translation:e}", self.scene)?;
+        writeln!(out, "scene     {}, scaled by {scale:e}, moved by {translation:e}", incident::line(&self.scene))?;
         let kernels = &self.verification.kernels;
         write_head(out, "kernel")?;
         for kernel in kernels {

@@ -104,7 +104,10 @@ fn probes(image: &ImageSettings) -> impl Iterator<Item = (u32, u32)> {
     down.into_iter().flat_map(move |y| across.clone().into_iter().map(move |x| (x, y)))
 }
 
-/// Whether light comes from a surface, with so many reflections and refractions.
+/// Tests of primitives that the pixels may take together: where there are more, nothing is said.
+const TESTS_MAX: u64 = 1 << 20;
+
+/// Whether light comes from a surface, with so many reflections and refractions, or it takes too much to know.
 fn is_lit(database: &Verified, view: &View, depth: u32) -> bool {
     let image = &view.image;
     let Ok(settings) = ImageSettings::new(image.width(), image.height(), depth, image.cutoff()) else { return true };
@@ -112,9 +115,11 @@ fn is_lit(database: &Verified, view: &View, depth: u32) -> bool {
     let mut tracer = TileTracer::new(&database.database().header, &view, true);
     let mut slices = Slices::new(database);
     let aov = AovSet { primitive: true, ..AovSet::default() };
+    let mut tests = 0;
     probes(image).any(|(x, y)| {
-        let Ok::<_, Infallible>((pixels, _)) = tracer.trace(&mut slices, Rect { x, y, width: 1, height: 1 }, aov);
-        pixels.primitive[0] >= 0 && pixels.colour[0].iter().any(|&channel| channel > 0.0)
+        let Ok::<_, Infallible>((pixels, stats)) = tracer.trace(&mut slices, Rect { x, y, width: 1, height: 1 }, aov);
+        tests += stats.primitive_tests;
+        tests > TESTS_MAX || pixels.primitive[0] >= 0 && pixels.colour[0].iter().any(|&channel| channel > 0.0)
     })
 }
 

@@ -49,6 +49,8 @@ pub struct Scene {
     pub terminator: Terminator,
     /// The file that polygons are from; `None` of a procedural scene.
     pub file: Option<PathBuf>,
+    /// Other files that it was read from.
+    pub libraries: Vec<PathBuf>,
     /// Index and line of every polygon of a file that must be cut into triangles, in order.
     pub polygon_lines: Vec<(u32, u32)>,
     /// What of the file was repaired or left out.

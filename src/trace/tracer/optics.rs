@@ -16,16 +16,20 @@ pub fn facing<L: Doubles>(normal: V3<L>, incoming: V3<L>) -> V3<L> {
     select(away, [normal[0].turned(minus), normal[1].turned(minus), normal[2].turned(minus)], normal)
 }
 
-/// The normals of round surfaces, turned to the side of the flat ones that the rays come from, whatever side their own plane has
-/// to the rays: near an outline, where that would turn away, it is as seen edge-on.
+/// The normals of round surfaces, turned to the side of the flat ones that the rays come from, and bent where they would reflect
+/// through the flat ones: near outlines they may even turn away from the eye.
+///
+/// A. Keller et al., *The Iray Light Transport Simulation and Rendering System*, 2017, on bump maps.
 #[inline(always)]
 pub fn facing_round<L: Doubles>(normal: V3<L>, outward: V3<L>, incoming: V3<L>) -> V3<L> {
     let seen = facing(outward, incoming);
     let side = dot(normal, seen);
     let normal = [normal[0].turned(side), normal[1].turned(side), normal[2].turned(side)];
-    let away = dot(incoming, normal);
-    let is_away = L::splat(0.0).lt(away);
-    select(is_away, normalise_or(sub(normal, scale(incoming, away)), seen), normal)
+    let reflected = mirrored(incoming, normal);
+    let height = dot(reflected, seen);
+    let grazing = sub(reflected, scale(normal, height.div(side.abs().max(L::splat(1e-3)))));
+    let bent = normalise_or(sub(normalise_or(grazing, seen), incoming), seen);
+    select(height.lt(L::splat(0.0)), bent, normal)
 }
 
 /// Rays from points of surfaces to a light, moved off to the sides that they leave to.

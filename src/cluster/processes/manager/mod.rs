@@ -112,6 +112,8 @@ pub enum RunError {
     Preparation(#[from] PreparationError),
     #[error("the scene has warnings, which --strict makes errors")]
     Warnings,
+    #[error("--aov asks for other planes than the run began with, expected those or no --aov")]
+    Planes,
     #[error("there are no references to record where cluster.local_memory.size is \"all\": expected a share or bytes")]
     NothingToRecord,
     #[error(
@@ -154,6 +156,7 @@ impl RunError {
         match self {
             Self::Preparation(_)
             | Self::Warnings
+            | Self::Planes
             | Self::NothingToRecord
             | Self::NoSharedFiles { .. }
             | Self::NoKeys { .. }
@@ -223,7 +226,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = topology.prepare()?;
     scene_warnings::show(&prepared.warnings);
-    if request.strict && prepared.warnings.iter().any(preparation::is_certain) {
+    if request.strict && prepared.warnings.iter().any(trace::preparation::is_certain) {
         return Err(RunError::Warnings);
     }
     let database = prepared.database.database();
@@ -237,6 +240,9 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         // What an interrupted run has begun to hold is held to the end.
         let journal = output_folder::journal(out);
         let aov = Journal::planes(&journal).unwrap_or(request.aov);
+        if !request.aov.is_empty() && request.aov != aov {
+            return Err(RunError::Planes);
+        }
         Journal::check(&journal, &Subject { tiling, aov, fingerprint })?;
         aov
     } else {

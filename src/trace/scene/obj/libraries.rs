@@ -127,9 +127,11 @@ impl<R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Libraries<R>
         None
     }
 
-    /// What all of them define, and their warnings.
-    pub(super) fn finish(self) -> (Materials, Vec<Warning>) {
-        (self.materials, self.warnings)
+    /// What all of them define, their warnings, and the files, sorted.
+    pub(super) fn finish(self) -> (Materials, Vec<Warning>, Vec<PathBuf>) {
+        let mut files: Vec<_> = self.files.into_iter().collect();
+        files.sort();
+        (self.materials, self.warnings, files)
     }
 }
 

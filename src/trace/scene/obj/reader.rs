@@ -155,7 +155,8 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
         if let Some(more) = self.cursor.token_on_line() {
             self.warn("bad-normal", more, format_args!(" after a normal, expected the end of the line: is ignored"));
         }
-        let unit = normal.try_normalize();
+        // Its square may be too small for a number.
+        let unit = normal.try_normalize().or_else(|| (normal / normal.abs().max_element()).try_normalize());
         if unit.is_none() {
             let what = format_args!(" without a direction, expected a normal longer than 0: faces do without it");
             self.warn("zero-normal", keyword, what);
@@ -323,7 +324,7 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
             let what = "the normals around a corner of this face cancel out in its smoothing group: the face is flat";
             warnings.add(file, "smoothing-cancels", || source.error(at, what));
         });
-        let (materials, of_libraries) = self.libraries.finish();
+        let (materials, of_libraries, libraries) = self.libraries.finish();
         // Of faces whose material is not there, and of those that name none.
         let white = materials.count();
         let of_uses = self.uses.resolve(&materials, white, |name| {
@@ -339,7 +340,7 @@ impl<'a, R: Fn(&[u8], Spelling) -> Option<Result<Source, SourceError>>> Reader<'
             self.scene.materials.push(Material::WHITE);
         }
         warnings.extend(of_libraries);
-        Scene { warnings, ..self.scene }
+        Scene { warnings, libraries, ..self.scene }
     }
 
     fn warn(&mut self, kind: &'static str, word: Token, what: fmt::Arguments) {

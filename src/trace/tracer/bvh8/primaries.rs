@@ -44,7 +44,10 @@ impl Task for Primaries<'_, '_> {
                     for lane in (0..LANES).filter(|lane| active >> lane & 1 == 1) {
                         if let Some(primitive) = packet.hit(lane) {
                             let pixel = (y + lane as u32 / 4) * rect.width + x + lane as u32 % 4;
-                            wave.push(packet.ray(lane), Origin { parent: pixel, share: Share::WHOLE, bounces: 0, sheets: 0 });
+                            wave.push(
+                                packet.ray(lane),
+                                Origin { parent: pixel, share: Share::WHOLE, bounces: 0, sheets: 0 },
+                            );
                             found.push(primitive);
                         }
                     }
