@@ -55,28 +55,35 @@ pub struct Cosines<L> {
     pub mirrored: L,
 }
 
-/// `is_round`: the points may be outside of the root ([`rounded`]); then the rays begin where they enter it.
+/// `from`: where the rays leave, if the terminator is soft ([`rounded`]): perhaps outside of the root; then they begin where they enter it.
 #[inline(always)]
 pub fn aim<L: Doubles>(
     light: DVec3,
     point: V3<L>,
+    from: Option<V3<L>>,
     outward: V3<L>,
     normal: V3<L>,
     mirrored: V3<L>,
-    is_round: bool,
 ) -> ToLight<L> {
-    let to_light = sub(splat(light.to_array()), point);
-    let distance = length(to_light);
-    let direction = scale(to_light, L::splat(1.0).div(distance));
+    let (direction, distance) = towards(light, point);
     let cosines = Cosines { normal: dot(normal, direction), mirrored: dot(mirrored, direction) };
     let turned_to = L::splat(0.0).lt(cosines.normal);
-    let origin = moved_off(point, outward, direction);
-    if !is_round {
+    let Some(from) = from else {
+        let origin = moved_off(point, outward, direction);
         return ToLight { origin, direction, distance, cosines, turned_to, meets_root: u32::MAX };
-    }
-    let (origin, before, enters) = entering(origin, direction);
+    };
+    let (direction, distance) = towards(light, from);
+    let (origin, before, enters) = entering(moved_off(from, outward, direction), direction);
     let meets_root = enters & before.lt(distance);
     ToLight { origin, direction, distance: distance.sub(before), cosines, turned_to, meets_root }
+}
+
+/// Unit directions to a light, and how far it is.
+#[inline(always)]
+fn towards<L: Doubles>(light: DVec3, point: V3<L>) -> (V3<L>, L) {
+    let to_light = sub(splat(light.to_array()), point);
+    let distance = length(to_light);
+    (scale(to_light, L::splat(1.0).div(distance)), distance)
 }
 
 /// What materials make of light that comes straight from a light.
@@ -126,7 +133,7 @@ pub fn tint<L: Doubles>(corners: [V3<L>; 3], barycentrics: [L; 3]) -> V3<L> {
 
 /// Where rays to lights leave from triangles with a soft terminator: points of flat triangles, moved out to the round surface that
 /// the corners' normals describe. A point is moved by what it lies below the planes through the corners, on the side that
-/// the shading normal is on; not where the surface is hollow.
+/// is `seen`, by the flat triangles' normals; not where the surface is hollow.
 ///
 /// J. Hanika, *Hacking the Shadow Terminator*, Ray Tracing Gems II, 2021.
 #[inline(always)]
@@ -135,12 +142,12 @@ pub fn rounded<L: Doubles>(
     vertices: [V3<L>; 3],
     normals: [V3<L>; 3],
     barycentrics: [L; 3],
-    shading: V3<L>,
+    seen: V3<L>,
 ) -> V3<L> {
     let zero = L::splat(0.0);
     let out = |k: usize| {
         let normal: V3<L> = normals[k];
-        let side = dot(normal, shading);
+        let side = dot(normal, seen);
         let normal = [normal[0].turned(side), normal[1].turned(side), normal[2].turned(side)];
         let above = dot(sub(point, vertices[k]), normal).min(zero);
         scale(normal, zero.sub(above))

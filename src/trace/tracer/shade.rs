@@ -12,6 +12,7 @@ use super::optics::{
 };
 use super::ray::Ray;
 use super::stats::TraceStats;
+use super::vector::V3;
 use super::view::{Illumination, View};
 use crate::database::Header;
 use crate::database::records::{LightTerms, Material, PrimitiveId, Surface};
@@ -105,11 +106,10 @@ impl Shader {
         let normal = DVec3::from(normal);
         let diffuse = corners.tinted(hit, material.diffuse);
         let terms = light_terms(port, surface, &material)?;
-        let from =
-            if self.illumination.is_terminator_soft { corners.rounded(hit, point, normal) } else { point.position };
-        let leaving = SurfacePoint { position: from, ..*point };
+        let seen = || facing(outward, incoming.to_array());
+        let from = self.illumination.is_terminator_soft.then(|| corners.rounded(hit, point, seen()).to_array());
         let finish = Finish { diffuse, highlight: material.highlight, shine: &[material.shine] };
-        let mut radiance = self.local(port, &leaving, normal, mirrored, terms.emission, &finish, stats)?;
+        let mut radiance = self.local(port, point, from, normal, mirrored, terms.emission, &finish, stats)?;
         let is_sheet = is_sheet(&material, &terms);
         let onward = Onward::new(ancestry.bounces, ancestry.sheets, is_sheet, self.illumination.depth);
         if onward.is_none() {
@@ -136,6 +136,7 @@ impl Shader {
         &mut self,
         port: &mut M,
         point: &SurfacePoint,
+        from: Option<V3<f64>>,
         normal: DVec3,
         mirrored: DVec3,
         emission: [f32; 3],
@@ -146,8 +147,7 @@ impl Shader {
         let mut radiance = emission;
         for light in 0..self.illumination.lights.len() {
             let (position, colour) = self.illumination.lights[light];
-            let is_round = self.illumination.is_terminator_soft;
-            let to_light = aim::<f64>(position, point.position.to_array(), outward, normal, mirrored, is_round);
+            let to_light = aim::<f64>(position, point.position.to_array(), from, outward, normal, mirrored);
             if to_light.turned_to == 0 {
                 continue;
             }
@@ -286,11 +286,11 @@ impl Corners {
 
     /// Where rays to lights leave with a soft terminator.
     #[inline(always)]
-    pub(super) fn rounded(&self, hit: &Hit, point: &SurfacePoint, shading: DVec3) -> DVec3 {
+    pub(super) fn rounded(&self, hit: &Hit, point: &SurfacePoint, seen: V3<f64>) -> DVec3 {
         match (&hit.on, self.normals) {
             (HitOn::Triangle { triangle, barycentrics }, Some(normals)) => {
                 let vertices = triangle.vertices().map(|vertex| vertex.to_array());
-                rounded(point.position.to_array(), vertices, normals, *barycentrics, shading.to_array()).into()
+                rounded(point.position.to_array(), vertices, normals, *barycentrics, seen).into()
             }
             _ => point.position,
         }

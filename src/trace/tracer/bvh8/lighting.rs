@@ -100,11 +100,11 @@ fn aim_all<R: Registers>(
     cosines: &mut Cosines<[f32; LANES]>,
 ) -> (u32, u32) {
     let (mut turned_to, mut meets_root) = (0, 0);
-    let is_round = surfaces.is_round();
     for half in [0, DOUBLES] {
         let at = first + half;
-        let (point, outward) = (load::<R::D8, _>(surfaces.leaving(), at), load(&surfaces.outward, at));
-        let to_light = aim(light, point, outward, load(&surfaces.normal, at), load(&surfaces.mirrored, at), is_round);
+        let (point, outward) = (load::<R::D8, _>(&surfaces.position, at), load(&surfaces.outward, at));
+        let from = surfaces.is_round().then(|| load(&surfaces.rounded, at));
+        let to_light = aim(light, point, from, outward, load(&surfaces.normal, at), load(&surfaces.mirrored, at));
         turned_to |= (to_light.turned_to & 0xff) << half;
         meets_root |= (to_light.meets_root & 0xff) << half;
         to_light.cosines.normal.narrow(&mut cosines.normal[half..]);

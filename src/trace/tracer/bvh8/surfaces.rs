@@ -132,8 +132,8 @@ impl Surfaces {
             self.diffuse[axis][at] = diffuse[axis];
         }
         if self.is_round() {
-            let shading = facing_round(normal.to_array(), point.normal.to_array(), ray.direction_f64().to_array());
-            let rounded = corners.rounded(&hit, &point, shading.into());
+            let seen = facing(point.normal.to_array(), ray.direction_f64().to_array());
+            let rounded = corners.rounded(&hit, &point, seen);
             for axis in 0..3 {
                 self.rounded[axis][at] = rounded[axis];
             }
@@ -156,12 +156,6 @@ impl Surfaces {
     #[inline(always)]
     pub(super) fn is_round(&self) -> bool {
         !self.rounded[0].is_empty()
-    }
-
-    /// Where rays to lights leave.
-    #[inline(always)]
-    pub(super) fn leaving(&self) -> &[Vec<f64>; 3] {
-        if self.is_round() { &self.rounded } else { &self.position }
     }
 }
 
@@ -244,8 +238,8 @@ impl Chunk {
         if surfaces.is_round() {
             let mut from = position;
             if self.smooth != 0 {
-                let shading = facing_round(normal, outward, direction);
-                from = select(self.smooth, rounded(position, vertices, normals(), weights, shading), position);
+                let seen = facing(outward, direction);
+                from = select(self.smooth, rounded(position, vertices, normals(), weights, seen), position);
             }
             store(from, &mut surfaces.rounded, first);
         }
