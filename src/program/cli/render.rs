@@ -136,12 +136,12 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let files = image_file::files(&image, aov, exr);
     let written = files.iter().map(|file| ("-o", file.as_path()));
     let outputs: Vec<_> = written.chain(arguments.report.as_deref().map(|report| ("--report", report))).collect();
-    outputs.iter().try_for_each(|(_, file)| output_path::check(file))?;
     let read = [&arguments.scene, &subject.scene].map(|scene| match scene {
         SceneSource::File(file) => Some(file.as_path()),
         SceneSource::Procedural(_) => None,
     });
     output_path::check_apart(&outputs, &read.into_iter().flatten().collect::<Vec<_>>())?;
+    outputs.iter().try_for_each(|(_, file)| output_path::check(file))?;
     // One process has no tiles that could be too large.
     let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
     let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
