@@ -47,7 +47,8 @@ pub fn images(database: &Verified, view: &View) -> Vec<(Pixels, u64)> {
     let kernels = packets.chain([true, false].map(|mailbox| Kernel::Single { mailbox }));
     let image = |kernel| {
         let settings = Settings { threads: 1, aov: AovSet { depth: true, normal: true, primitive: true }, kernel };
-        let rendering = render(database, view, settings, |_| std::ops::ControlFlow::Continue(())).expect("a small image");
+        let rendering =
+            render(database, view, settings, |_| std::ops::ControlFlow::Continue(())).expect("a small image");
         (rendering.frame.pixels().clone(), rendering.stats.non_finite_pixels)
     };
     kernels.map(image).collect()
