@@ -43,7 +43,7 @@ fuzz_target!(|data: &[u8]| {
     };
     let mut bytes = data.to_vec();
     bytes.resize(header.layout.database_bytes() as usize, 0);
-    let view = view_of(Camera::framing(None, UpAxis::Y, 1.0));
+    let view = view_of(Camera::framing(None, UpAxis::Y, 1.0, 45.0));
     unseen(&header, &bytes, &view);
     let words = bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
     if let Ok(database) = Verified::new(Database { header, words: Arc::new(words) }) {

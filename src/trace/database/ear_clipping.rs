@@ -7,7 +7,7 @@
 //!
 //! Every cut takes a triangle off the outline, and the triangle's winding number off the outline's. So the
 //! triangles cover each point as often as the outline goes around it, unless one of them is clockwise. None is
-//! where an outline touches itself, such as one with a hole that is joined by a bridge; see [`Clipping`].
+//! where an outline touches itself, such as one with a hole that is joined by a bridge; see `Clipping`.
 
 mod clipping;
 mod exhaustive;

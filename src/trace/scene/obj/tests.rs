@@ -206,7 +206,7 @@ fn statements_without_effect_are_named_once_per_kind() {
             "vw 1\nf 1 2 3 4\nhello\n\u{1}",
             &[("unknown-keyword", "6:1: \"vw\" starts no statement of OBJ: its line is ignored (and 2 more)")],
         ),
-        ("caf\u{e9} 1", &[("unknown-keyword", "6:1: \"café\" starts no statement of OBJ: its line is ignored")]),
+        ("na\u{ef}ve 1", &[("unknown-keyword", "6:1: \"naïve\" starts no statement of OBJ: its line is ignored")]),
         ("l 1 2 \\\n3\nl 1/1 2/2", &[("lines", "6:1: \"l\": lines are not drawn (and 1 more)")]),
         ("p 1", &[("points", "6:1: \"p\": points are not drawn")]),
         (
