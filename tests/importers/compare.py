@@ -13,6 +13,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
+import chardet  # noqa: F401  Without it trimesh reads nothing but UTF-8, and that shows as files that it has nothing of.
 import numpy
 import trimesh
 
