@@ -33,7 +33,7 @@ typos:
 engines:
     deploy/test/all
 
-# Every OBJ file of two public collections, as trimesh reads it: needs Debian's assimp-testmodels, and trimesh, chardet and pybullet
+# Every OBJ file of two public collections, as trimesh reads it: needs Debian's assimp-testmodels, and trimesh, charset-normalizer and pybullet
 # of PyPI.
 importers models="/usr/share/assimp/models" pybullet="target/pybullet":
     python3 tests/importers/compare.py target/release/marti "{{ models }}" "{{ pybullet }}"

@@ -13,7 +13,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
-import chardet  # noqa: F401  Without it trimesh reads nothing but UTF-8, and that shows as files that it has nothing of.
+import charset_normalizer  # noqa: F401  Without it trimesh reads nothing but UTF-8, and that shows as files that it has nothing of.
 import numpy
 import trimesh
 
@@ -37,7 +37,9 @@ def theirs(file):
     """Lower and upper corner of all vertices that faces use, and the number of triangles; None without any."""
     try:
         scene = trimesh.load(file, process=False, force="scene", skip_materials=True)
-    except Exception:  # Of any kind: an importer that cannot read a file has nothing to compare.
+    except ImportError:
+        raise
+    except Exception:  # Of any other kind: an importer that cannot read a file has nothing to compare.
         return None
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
     if not meshes:
