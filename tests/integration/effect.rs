@@ -75,6 +75,13 @@ fn options_without_effect_are_refused() {
         (&["render", "teapot:2", "--mailbox", "off"][..], "--mailbox is of the single kernel"),
         (&["render", "teapot:2", "--kernel", "single", "--simd", "scalar"], "--simd is of packets"),
         (&["verify", "teapot:2", "--rays", "0"], "0 is not in 1.."),
+        (&["replay", "Cargo.toml", "-o", "x.txt"], "--output has no effect without --export or --heat-map"),
+        (&["replay", "out", "--heat-map", "misses", "-o", "x.jpg"], "expected a name ending in .png"),
+        (
+            &["replay", "tests/data", "--export", "csv", "-o", "tests/data/teapot-64.toml"],
+            "the command reads this file",
+        ),
+        (&["replay", "out", "--pace", "recorded"], "--to-bus"),
     ] {
         let output = run(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -83,8 +83,34 @@ struct Question {
     node: Option<u16>,
 }
 
+impl ReplayArguments {
+    /// An output is of a question that writes one, and no file of the recording.
+    fn check_output(&self) -> Result<(), Failure> {
+        let Some(output) = &self.output else { return Ok(()) };
+        if self.question.export.is_none() && self.question.heat_map.is_none() {
+            return Err(Failure::bad_input("--output has no effect without --export or --heat-map"));
+        }
+        let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        if self.question.heat_map.is_some() && !is_png {
+            let what =
+                format!("--output {}: a heat map is a picture, expected a name ending in .png", output.display());
+            return Err(Failure::bad_input(what));
+        }
+        output_path::check(output)?;
+        let read: Vec<PathBuf> = match self.recording.is_file() {
+            true => vec![self.recording.clone()],
+            false => [self.recording.clone(), self.recording.join("recording")]
+                .iter()
+                .filter_map(|folder| std::fs::read_dir(folder).ok())
+                .flat_map(|files| files.flatten().map(|file| file.path()))
+                .collect(),
+        };
+        output_path::check_apart(&[("--output", output)], &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+    }
+}
+
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
-    arguments.output.iter().try_for_each(|file| output_path::check(file))?;
+    arguments.check_output()?;
     if arguments.to_bus.is_asked() {
         return arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format);
     }

@@ -20,7 +20,7 @@ pub(super) struct ToBus {
     #[arg(long, value_name = "FILE", requires = "to_bus")]
     token: Option<PathBuf>,
     /// How fast requests follow one another
-    #[arg(long, value_enum, default_value_t = PaceName::Fastest)]
+    #[arg(long, value_enum, default_value_t = PaceName::Fastest, requires = "to_bus")]
     pace: PaceName,
 }
 
