@@ -83,7 +83,7 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
     )?;
     for incident in &report.incidents {
         // A report may have been read from a file.
-        let text = super::incident::line(&incident.text);
+        let text = incident::line(&incident.text);
         line(out, "incident", format_args!("at {:.1} s: {text}", incident.seconds))?;
     }
     match report.status {

@@ -111,6 +111,21 @@ impl RenderArguments {
         self.threads.map_or_else(|| available_parallelism().map_or(1, usize::from), |threads| threads as usize)
     }
 
+    /// What is written, each with the option that asks for it.
+    fn outputs<'a>(&'a self, image: &'a [PathBuf]) -> Vec<(&'static str, &'a Path)> {
+        let image = image.iter().map(|file| ("-o", file.as_path()));
+        image.chain(self.report.as_deref().map(|report| ("--report", report))).collect()
+    }
+
+    /// The files that are known to be read before the scene is.
+    fn inputs<'a>(&'a self, subject: &'a Topology) -> Vec<&'a Path> {
+        let files = [&self.scene, &subject.scene].map(|scene| match scene {
+            SceneSource::File(file) => Some(file.as_path()),
+            SceneSource::Procedural(_) => None,
+        });
+        files.into_iter().flatten().collect()
+    }
+
     /// The image to write.
     fn image(&self, topology: &Topology) -> PathBuf {
         let name = || match &self.scene {
@@ -134,20 +149,15 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     let subject = arguments.subject()?;
     let image = arguments.image(&subject);
     let files = image_file::files(&image, aov, exr);
-    let written = files.iter().map(|file| ("-o", file.as_path()));
-    let outputs: Vec<_> = written.chain(arguments.report.as_deref().map(|report| ("--report", report))).collect();
-    let read = [&arguments.scene, &subject.scene].map(|scene| match scene {
-        SceneSource::File(file) => Some(file.as_path()),
-        SceneSource::Procedural(_) => None,
-    });
-    output_path::check_apart(&outputs, &read.into_iter().flatten().collect::<Vec<_>>())?;
+    let outputs = arguments.outputs(&files);
+    output_path::check_apart(&outputs, &arguments.inputs(&subject))?;
     outputs.iter().try_for_each(|(_, file)| output_path::check(file))?;
     // One process has no tiles that could be too large.
     let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
     let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
     output_path::check_apart(&outputs, &prepared.libraries.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     scene_warnings::show(&prepared.warnings);
-    if arguments.strict && prepared.warnings.iter().any(trace::preparation::is_certain) {
+    if arguments.strict && prepared.warnings.iter().any(preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
     let derivation = Instant::now();
@@ -158,31 +168,9 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
         None => Kernel::Single { mailbox: subject.octree.mailbox },
     };
     let settings = Settings { threads: arguments.threads(), aov, kernel };
-    let (mut walls, mut cpus) = (Vec::new(), Vec::new());
     let interruption =
         Interruption::watch().map_err(|error| Failure::failed(format!("cannot heed signals: {error}")))?;
-    let mut complete = None;
-    let rendering = loop {
-        let progress = Mutex::new(Progress::new(arguments.quiet, render::tile_count(&prepared.view.image)));
-        let show = |status: &Status| {
-            // One thread that shows is enough; the others go on tracing.
-            if let Ok(mut progress) = progress.try_lock() {
-                progress.show(status);
-            }
-            if interruption.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        };
-        let rendering = render::render(&prepared.database, &prepared.view, settings, show)
-            .map_err(|error| Failure::failed(error.to_string()))?;
-        progress.into_inner().unwrap_or(Progress::Quiet).clear();
-        if rendering.is_complete() || walls.is_empty() {
-            walls.push(rendering.wall);
-            cpus.push(rendering.cpu);
-            complete = Some(rendering);
-        }
-        if walls.len() == arguments.repeat as usize || interruption.signal().is_some() {
-            break complete.expect("the first one is always taken");
-        }
-    };
+    let Measured { rendering, walls, cpus } = arguments.measure(&prepared, settings, &interruption)?;
     let files = rendering.frame.write(&image, exr).map_err(|error| Failure::failed(error.to_string()))?;
     let seconds = Seconds {
         load: prepared.load.as_secs_f64(),
@@ -199,6 +187,49 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     match interruption.signal() {
         None => printed,
         Some(signal) => Err(interrupted(signal, &rendering, &image)),
+    }
+}
+
+/// A rendering, and the seconds of each time that it was made.
+struct Measured {
+    rendering: Rendering,
+    walls: Vec<Duration>,
+    cpus: Vec<Duration>,
+}
+
+impl RenderArguments {
+    /// Renders as often as is asked, until a signal comes: what was complete before counts, else what there is.
+    fn measure(
+        &self,
+        prepared: &Prepared,
+        settings: Settings<'_>,
+        interruption: &Interruption,
+    ) -> Result<Measured, Failure> {
+        let once = || {
+            let progress = Mutex::new(Progress::new(self.quiet, render::tile_count(&prepared.view.image)));
+            let show = |status: &Status| {
+                // One thread that shows is enough; the others go on tracing.
+                if let Ok(mut progress) = progress.try_lock() {
+                    progress.show(status);
+                }
+                if interruption.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let rendering = render::render(&prepared.database, &prepared.view, settings, show);
+            progress.into_inner().unwrap_or(Progress::Quiet).clear();
+            rendering.map_err(|error| Failure::failed(error.to_string()))
+        };
+        let rendering = once()?;
+        let (walls, cpus) = (vec![rendering.wall], vec![rendering.cpu]);
+        let mut measured = Measured { rendering, walls, cpus };
+        for _ in 1..self.repeat {
+            let rendering = if interruption.signal().is_none() { once()? } else { break };
+            if rendering.is_complete() {
+                measured.walls.push(rendering.wall);
+                measured.cpus.push(rendering.cpu);
+                measured.rendering = rendering;
+            }
+        }
+        Ok(measured)
     }
 }
 

@@ -174,6 +174,8 @@ impl Work {
 }
 
 #[cfg(test)]
+mod large_tests;
+#[cfg(test)]
 mod rounding_tests;
 #[cfg(test)]
 mod tests;

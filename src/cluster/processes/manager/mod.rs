@@ -51,7 +51,7 @@ use ground::ids::Epoch;
 use ground::telemetry::{self, TelemetryError};
 use machine::hardware::specification::{Cluster, MemorySize};
 use trace::picture::AovSet;
-use trace::preparation::PreparationError;
+use trace::preparation::{self, PreparationError};
 use trace::tracer::View;
 
 /// What to run.
@@ -226,7 +226,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let mut folder = OutputFolder::open(out, topology, opening)?;
     let prepared = topology.prepare()?;
     scene_warnings::show(&prepared.warnings);
-    if request.strict && prepared.warnings.iter().any(trace::preparation::is_certain) {
+    if request.strict && prepared.warnings.iter().any(preparation::is_certain) {
         return Err(RunError::Warnings);
     }
     let database = prepared.database.database();

@@ -1,7 +1,7 @@
 //! Every reference that nodes made, kept as data: one Arrow IPC stream a node process, and a sidecar for all.
 //!
-//! docs/recording.md says how to read them. A node writes with [`Writer`]; the manager, when all is done, what holds
-//! for all of it ([`Sidecar`]); [`Recording`] reads both and is what is replayed.
+//! docs/recording.md says how to read them. Each node writes its stream with [`Writer`]; at the end the manager writes
+//! what is common to all streams ([`Sidecar`]). [`Recording`] reads both, and is what is replayed.
 
 mod conditions;
 mod format;
