@@ -43,17 +43,18 @@ pub struct NodeBook {
 }
 
 impl NodeBook {
-    /// Every visit of an octree node and every test of a primitive reads one record.
+    /// Every visit of an octree node and every test of a primitive reads one record, and every triangle of a polygon.
     fn check(&self) -> Check {
         let read = |section: Section| {
             let total = self.memory.section(section);
             total.record_hits() + total.record_misses
         };
-        let sections = [Section::OctreeNodes, Section::Triangles, Section::Spheres, Section::Cones];
+        let objects = [Section::Triangles, Section::Spheres, Section::Cones, Section::Polygons];
+        let tests = self.trace.primitive_tests + self.trace.polygon_triangles;
         Check::new(
             format!("{}: octree nodes visited + primitives tested = record hits + misses there", self.node),
-            self.trace.octree_accesses.iter().sum::<u64>() + self.trace.primitive_tests,
-            sections.into_iter().map(read).sum(),
+            self.trace.octree_accesses.iter().sum::<u64>() + tests,
+            read(Section::OctreeNodes) + objects.into_iter().map(read).sum::<u64>(),
         )
     }
 }

@@ -173,7 +173,7 @@ fn sums_leave_out_tiles_that_were_not_accepted() {
 
 #[test]
 fn a_word_that_is_not_known_is_an_error() {
-    let layout = Layout::new([80, 0, 0, 0, 0, 0, 0, 0]).expect("small");
+    let layout = Layout::new([80, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small");
     let geometry = Geometry::new(&memory(MemorySize::All, 16, None), &layout).expect("within ranges");
     let lines = RecordLines::new(&layout, 16);
     let trace = Tiles::new(&[(0, 0, true)]);

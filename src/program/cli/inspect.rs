@@ -5,7 +5,7 @@ use std::fmt::Write;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::OctreeOptions;
+use super::options::{OctreeOptions, RecordOptions};
 use super::{Failure, print};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
@@ -13,7 +13,7 @@ use cluster::report::{Bounds, Camera};
 use trace::database::Section;
 use trace::database::verify::Verified;
 use trace::picture::ImageSettings;
-use trace::preparation::{self, ChosenView, ImageDefaults, ViewChoices};
+use trace::preparation::{self, BuildChoices, ChosenView, ImageDefaults, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::census::{Census, Level};
@@ -25,20 +25,23 @@ pub struct InspectArguments {
     pub scene: SceneSource,
     #[command(flatten)]
     octree: OctreeOptions,
+    #[command(flatten)]
+    records: RecordOptions,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
-    let octree = arguments.octree.octree(Octree::DEFAULT);
+    let choices =
+        BuildChoices { octree: arguments.octree.octree(Octree::DEFAULT), records: arguments.records.layout()? };
     let scene = arguments.scene.load()?;
     let image = |defaults: &ImageDefaults| {
         let (width, height) = defaults.resolution;
         ImageSettings::new(width, height, 0, 0.0).map_err(|error| error.to_string())
     };
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
-    let (database, warnings) = preparation::build(&arguments.scene, scene, octree)?;
+    let (database, warnings) = preparation::build(&arguments.scene, scene, choices)?;
     scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     let inspection = Inspection::of(arguments.scene.to_string(), &chosen, &database);
     if arguments.json {
@@ -106,7 +109,7 @@ impl Inspection {
             section: section.name(),
             base: layout.span(section).base.0,
             records: layout.span(section).records,
-            record_bytes: section.record_bytes(),
+            record_bytes: layout.record_bytes(section),
             bytes: layout.section_bytes(section),
         };
         let primitives = layout.span(Section::Surfaces).records;

@@ -31,6 +31,7 @@ pub(super) struct Facts {
     load: Duration,
     build: Duration,
     local_bytes: u64,
+    layout: Layout,
 }
 
 impl Facts {
@@ -43,6 +44,7 @@ impl Facts {
             load: prepared.load,
             build: prepared.build,
             local_bytes,
+            layout: prepared.database.database().header.layout.clone(),
         }
     }
 }
@@ -109,11 +111,11 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
             verified: state.tiles.verification.verified(),
             disagreements: state.tiles.verification.disagreements(),
         }),
-        nodes: nodes(state, line_bytes),
+        nodes: nodes(state, &facts.layout, line_bytes),
         memory: (!counted.is_empty()).then(|| {
             let mut all = MemoryStats::default();
             counted.iter().for_each(|book| all.add(&book.memory));
-            Memory::new(&all, line_bytes, facts.local_bytes)
+            Memory::new(&all, &facts.layout, line_bytes, facts.local_bytes)
         }),
         bus: bus(state),
         conservation,
@@ -171,12 +173,12 @@ fn counted(state: &State) -> Vec<NodeBook> {
     book.collect()
 }
 
-pub(super) fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
+pub(super) fn nodes(state: &State, layout: &Layout, line_bytes: u32) -> Vec<Node> {
     let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
     let node = (0..).zip(accounts).map(|(id, account)| Node {
         id,
         tiles: account.tiles,
-        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, line_bytes)),
+        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, layout, line_bytes)),
     });
     node.collect()
 }

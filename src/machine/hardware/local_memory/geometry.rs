@@ -112,7 +112,7 @@ mod tests {
 
     /// An image of so many granules of 256 bytes, all octree nodes.
     fn image(granules: u64) -> Layout {
-        Layout::new([granules * 64, 0, 0, 0, 0, 0, 0, 0]).expect("small")
+        Layout::new([granules * 64, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small")
     }
 
     fn memory(size: specification::MemorySize, line: u32, ways: Option<u32>) -> specification::LocalMemory {

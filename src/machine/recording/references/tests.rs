@@ -19,7 +19,7 @@ const TOPOLOGY: &str =
 const TILING: Tiling = Tiling::new(Sides { width: 12, height: 8, tile_width: 4, tile_height: 4 }).expect("possible");
 
 fn layout() -> Layout {
-    Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small")
+    Layout::new([80, 100, 50, 7, 3, 60, 20, 4, 0]).expect("small")
 }
 
 /// Words of a tile: a ray, then reads all over the image.

@@ -54,14 +54,18 @@ impl Spans {
 #[derive(Clone, Debug)]
 pub struct RecordLines {
     numbers: RecordNumbers,
-    /// By section: words of a record, and what must be added to its number times that to get its first word.
+    /// By section: words of a record with its padding, and what must be added to its number times that to get its first word.
     words: [u32; Section::COUNT],
     offset: [u32; Section::COUNT],
     /// A line's words are 2 to this power.
     line_shift: u32,
     count: u32,
+    has_polygons: bool,
     simd: Simd,
 }
+
+/// Polygons are in the last section.
+const WITHOUT_POLYGONS: usize = Section::Polygons as usize;
 
 impl RecordLines {
     /// Of a database with this layout, in lines of so many bytes: a power of two, 16 to 256.
@@ -74,14 +78,15 @@ impl RecordLines {
             "a line of {line_bytes} bytes: expected a power of two, 16 to 256"
         );
         let numbers = RecordNumbers::new(layout);
-        let words = Section::ALL.map(|section| section.record_bytes() as u32 / 4);
+        let words = layout.strides().bytes().map(|bytes| bytes / 4);
         let offset = Section::ALL.map(|section| {
             let base = (layout.span(section).base.0 / 4) as u32;
             base.wrapping_sub(numbers.number(section, 0).wrapping_mul(words[section as usize]))
         });
         let line_shift = (line_bytes / 4).trailing_zeros();
         let count = (layout.database_bytes() / u64::from(line_bytes)) as u32;
-        Self { numbers, words, offset, line_shift, count, simd: Simd::best() }
+        let has_polygons = layout.has_polygons();
+        Self { numbers, words, offset, line_shift, count, has_polygons, simd: Simd::best() }
     }
 }
 
@@ -97,7 +102,11 @@ impl Lines for RecordLines {
 
     #[inline(always)]
     fn spans(&self, words: &[u32], spans: &mut Spans) {
-        self.simd.run(Find { lines: self, words, spans });
+        if self.has_polygons {
+            self.simd.run(Find::<{ Section::COUNT }> { lines: self, words, spans });
+        } else {
+            self.simd.run(Find::<WITHOUT_POLYGONS> { lines: self, words, spans });
+        }
     }
 
     fn count(&self) -> u32 {
@@ -110,14 +119,14 @@ impl Lines for RecordLines {
     }
 }
 
-/// [`Lines::spans`] without a branch, which compilers turn into vector instructions.
-struct Find<'a> {
+/// [`Lines::spans`] without a branch, which compilers turn into vector instructions. The first so many sections have records.
+struct Find<'a, const SECTIONS: usize> {
     lines: &'a RecordLines,
     words: &'a [u32],
     spans: &'a mut Spans,
 }
 
-impl Task for Find<'_> {
+impl<const SECTIONS: usize> Task for Find<'_, SECTIONS> {
     type Output = ();
 
     #[inline(always)]
@@ -127,7 +136,7 @@ impl Task for Find<'_> {
         let Spans { first, count } = self.spans;
         for ((&word, first), count) in self.words.iter().zip(first).zip(count) {
             let (mut length, mut add) = (words[0], offset[0]);
-            for section in 1..Section::COUNT {
+            for section in 1..SECTIONS {
                 let is_there = word >= starts[section];
                 length = if is_there { words[section] } else { length };
                 add = if is_there { offset[section] } else { add };
