@@ -303,4 +303,6 @@ impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
 }
 
 #[cfg(test)]
+mod by_hand;
+#[cfg(test)]
 mod tests;

@@ -182,6 +182,7 @@ pub(super) mod tests {
     use super::super::rows::{check, rows};
     use super::*;
     use ground::ids::{Address, Attempt, NodeId, TileId};
+    use trace::database::strides::Strides;
 
     pub(in super::super) fn metadata() -> Metadata {
         let layout = Layout::new([8, 10, 3, 0, 0, 3, 0, 1, 0]).expect("small");
@@ -224,6 +225,24 @@ pub(super) mod tests {
         for row in &written {
             assert_eq!(check(row, before, &metadata()), Ok(()));
             before = Some(row);
+        }
+    }
+
+    #[test]
+    fn a_schema_says_which_layout_it_is_of() {
+        let strides = Strides::new([4, 4, 76, 16, 32, 8, 72, 48, 300]).expect("possible");
+        let counts = [8, 10, 3, 0, 0, 3, 0, 1, 2];
+        for (layout, version) in [
+            (metadata().layout, 1),
+            (Layout::new(counts).expect("small"), 2),
+            (Layout::padded([8, 10, 3, 0, 0, 3, 0, 1, 0], strides).expect("small"), 2),
+            (Layout::padded(counts, strides).expect("small"), 2),
+        ] {
+            let written = Metadata { layout, ..metadata() };
+            let format = Format::new(&written);
+            let said = |key: &str| format.schema().metadata().get(key).map(String::as_str);
+            assert_eq!((Metadata::parse(said), format.version()), (Ok(written.clone()), version));
+            assert_eq!(said("marti.record_bytes").is_some(), version > 1);
         }
     }
 

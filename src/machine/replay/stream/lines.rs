@@ -152,21 +152,36 @@ impl<const SECTIONS: usize> Task for Find<'_, SECTIONS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trace::database::strides::Strides;
     use trace::tracer::RayKind;
 
     #[test]
     fn records_lie_where_the_layout_puts_them() {
-        let layout = Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small");
-        let numbers = RecordNumbers::new(&layout);
+        let records = [80, 100, 50, 7, 3, 60, 20, 4, 0];
+        let with_polygons = [80, 100, 50, 7, 3, 60, 20, 4, 9];
+        let strides = Strides::new([4, 4, 76, 16, 100, 8, 72, 64, 300]).expect("possible");
+        for layout in [
+            Layout::new(records),
+            Layout::new(with_polygons),
+            Layout::padded(records, strides),
+            Layout::padded(with_polygons, strides),
+        ] {
+            records_lie_where(&layout.expect("small"));
+        }
+    }
+
+    fn records_lie_where(layout: &Layout) {
+        let numbers = RecordNumbers::new(layout);
         for line_bytes in [16, 32, 64, 128, 256] {
-            let lines = RecordLines::new(&layout, line_bytes);
+            let lines = RecordLines::new(layout, line_bytes);
             for section in Section::ALL {
                 for index in 0..layout.span(section).records as u32 {
                     let number = numbers.number(section, index);
                     assert_eq!(numbers.place(number), (section, index));
-                    let start = layout.span(section).base.0 + u64::from(index) * section.record_bytes();
+                    let bytes = layout.record_bytes(section);
+                    let start = layout.span(section).base.0 + u64::from(index) * bytes;
                     let line = |byte: u64| (byte / u64::from(line_bytes)) as u32;
-                    let (first, last) = (line(start), line(start + section.record_bytes() - 1));
+                    let (first, last) = (line(start), line(start + bytes - 1));
                     assert_eq!(lines.of(number), (first, last - first + 1), "{section:?} {index}");
                     assert!(last < lines.count());
                 }
