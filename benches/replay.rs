@@ -104,7 +104,8 @@ fn decode(trace: &Captured, lines: &RecordLines) -> u64 {
 }
 
 fn count(trace: &Captured, tiles: &[u32], lines: &RecordLines, geometry: Geometry) -> Counters {
-    let (mut memory, mut sum) = (Replayer::<Lru, _>::new(lines, geometry, 1), Sum::new(trace));
+    let (mut memory, mut sum) =
+        (Replayer::<Lru, _>::new(lines, geometry, 1).expect("a possible memory"), Sum::new(trace));
     for &tile in tiles {
         memory.tile(trace, tile, &mut sum).expect("sound");
     }

@@ -84,7 +84,7 @@ fn local(size: MemorySize, line: u32, ways: Option<u32>) -> specification::Local
 fn check<R: Replacement>(local: specification::LocalMemory, reads: &[(usize, u32)]) -> Result<(), TestCaseError> {
     let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
     let mut memory = counting::<R>(&cluster_memory, local);
-    let mut directory = Directory::<R>::new(*memory.geometry(), 3);
+    let mut directory = Directory::<R>::new(memory.geometry().slots(), memory.geometry().database_lines, 3);
     let mut expected = Counters::default();
     for &(section, index) in reads {
         let section = Section::ALL[section];
@@ -135,7 +135,7 @@ proptest! {
         // No topology allows so few lines; here the lines of a material drive each other out.
         let (image, cluster_memory, layout) = (image(), cluster_memory(), layout());
         let database_lines = (layout.database_bytes() / 16) as u32;
-        let geometry = Geometry { line_bytes: 16, database_lines, sets, ways };
+        let geometry = Geometry { line_bytes: 16, database_lines, sets: u64::from(sets), ways: u64::from(ways) };
         let mut memory = LocalMemory::<Random, _>::new(geometry, &layout, 9, &cluster_memory);
         for (section, index) in reads {
             let section = Section::ALL[section];

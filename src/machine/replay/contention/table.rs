@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::hardware::local_memory::Geometry;
 use crate::replay::contention::timing::simulate_cluster;
 use crate::replay::contention::{ClosedNetwork, Cycle, Load, largest_nodes, saturation_nodes};
 use crate::replay::plan::setting::{Assignment, Setting};
@@ -59,8 +58,7 @@ pub fn contention_table<S: Subject>(
     nodes: &[u16],
     tick: impl Fn(usize) + Sync,
 ) -> Result<ContentionTable, TraceError> {
-    let geometry = Geometry::of_database(&setting.memory(), subject.database_bytes())
-        .map_err(|error| TraceError(format!("local memory: {error}")))?;
+    let geometry = subject.geometry(&setting.memory())?;
     let assignment = match setting.assignment {
         Assignment::Recorded => Assignment::Interleaved,
         assignment => assignment,

@@ -92,7 +92,7 @@ fn through<R: Replacement, S: Subject>(
             Tiles::Assigned(all.into_iter().skip(cluster * nodes).take(nodes).collect())
         }
     };
-    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_step);
+    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_step)?;
     let bus = Bus { width: setting.bus_width, arbiter: setting.arbiter, ..subject.bus() };
     let settings = ContentionSettings { nodes: setting.nodes, bus };
     let outcome = simulate(&settings, &mut work, observer)?;

@@ -90,8 +90,7 @@ pub fn evaluate<S: Subject>(
 ) -> Result<Vec<Row>, TraceError> {
     let mut geometries = Vec::new();
     for setting in settings {
-        let geometry = Geometry::of_database(&setting.memory(), subject.database_bytes());
-        geometries.push(geometry.map_err(|error| TraceError(format!("local memory: {error}")))?);
+        geometries.push(subject.geometry(&setting.memory())?);
     }
     let words_read = words_read(subject)?;
     let is_whole = subject.ordered(TileOrder::Scanline).iter().all(Option::is_some);

@@ -1,7 +1,8 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
+use crate::hardware::local_memory::{Geometry, GeometryError, LINE_BYTES_MAX};
 use crate::hardware::references::RecordNumbers;
-use crate::hardware::specification::{Bus, Cluster, Processor};
+use crate::hardware::specification::{Bus, Cluster, LocalMemory, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
 use crate::replay::importers::{Imported, TableLines};
@@ -19,8 +20,11 @@ pub trait Subject: Trace {
     /// Where records lie, for lines of so many bytes.
     fn lines(&self, line_bytes: u32) -> Self::Lines;
 
-    /// Of which shares are taken; a multiple of 256.
-    fn database_bytes(&self) -> u64;
+    /// A memory that is asked for, resolved for all that this trace references.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError>;
 
     /// The kind of record that this is, below the length of the following two.
     fn kind(&self, record: u32) -> usize;
@@ -78,8 +82,8 @@ impl<T: DatabaseTrace> Subject for T {
         RecordLines::new(self.source().layout, line_bytes)
     }
 
-    fn database_bytes(&self) -> u64 {
-        self.source().layout.database_bytes()
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
+        Geometry::new(memory, self.source().layout)
     }
 
     #[inline(always)]
@@ -127,8 +131,9 @@ impl Subject for Imported {
         self.lines(line_bytes)
     }
 
-    fn database_bytes(&self) -> u64 {
-        self.database_bytes()
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
+        Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        Geometry::of_lines(memory, self.lines(memory.line).count())
     }
 
     #[inline(always)]
