@@ -194,7 +194,6 @@ mod tests {
             ("marti replay o --export din", "--output <FILE>"),
             ("marti replay o --heat-map misses", "--output <FILE>"),
             ("marti replay o --curve --origins", "cannot be used with"),
-            ("marti replay o --verify", "--curve"),
             ("marti replay o --to-bus 127.0.0.1:1", "--token <FILE>"),
             ("marti study", "paper"),
             ("marti study paper --format xml", "possible values: text, json, csv"),

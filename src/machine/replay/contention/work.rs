@@ -9,6 +9,7 @@ use crate::hardware::transaction::Kind;
 use crate::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::contention::{Burst, Cycle, Transaction, Workload};
 use crate::replay::model::replayer::{Counters, Replayer, Sum};
+use crate::replay::plan::setting::Setting;
 use crate::replay::stream::subject::Subject;
 use crate::replay::{Lines, Tally, TraceError};
 use ground::ids::{NodeId, TileId};
@@ -72,7 +73,7 @@ enum Doing {
 }
 
 impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
-    /// `nodes` of them with such memories; of assigned tiles there is a list a node. `on_step` is told of
+    /// The setting's number of nodes with such memories; of assigned tiles there is a list a node. `on_step` is told of
     /// each step.
     ///
     /// # Errors
@@ -82,13 +83,18 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
         lines: &'a S::Lines,
         geometry: Geometry,
         tiles: Tiles,
-        nodes: u16,
+        setting: &Setting,
         on_step: F,
     ) -> Result<Self, TraceError> {
         let node = |_| {
             Ok::<_, TraceError>(Node {
                 memory: Replayer::new(lines, geometry, subject.seed())?,
-                tally: Cost { subject, by_kind: subject.read_cycles(), cycles: 0, sum: Sum::new(subject) },
+                tally: Cost {
+                    subject,
+                    by_kind: subject.read_cycles(&setting.processor),
+                    cycles: 0,
+                    sum: Sum::new(subject),
+                },
                 doing: Doing::Nothing,
                 tile: 0,
                 parts: 0..0,
@@ -101,7 +107,7 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
             Tiles::Assigned(nodes) => Queue::Assigned(nodes.into_iter().map(one_after_the_other).collect()),
         };
         let line_bytes = geometry.line_bytes;
-        let nodes = (0..nodes).map(node).collect::<Result<_, _>>()?;
+        let nodes = (0..setting.nodes).map(node).collect::<Result<_, _>>()?;
         Ok(Self { subject, lines, tiles, nodes, line_bytes, on_step })
     }
 
