@@ -114,7 +114,7 @@ mod tests {
             "marti run t.toml --strict",
             "marti check t.toml --strict",
             "marti scene gears --size 4 -o gears4.nff",
-            "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json",
+            "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json --database gears.db",
             "marti check t.toml --set scene.file=a.nff",
             "marti keys new k --days 7",
             "marti keys show k",
