@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn misses<R: Replacement>(trace: &Captured, lines: &RecordLines, geometry: Geometry) -> Result<u64, Box<dyn Error>> {
-    let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(trace));
+    let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1)?, Sum::new(trace));
     for tile in 0..trace.tiles.len() as u32 {
         memory.tile(trace, tile, &mut sum)?;
     }

@@ -67,7 +67,7 @@
 //! let lines = RecordLines::new(layout, 64);
 //! let misses = |size| {
 //!     let memory = LocalMemory { size, line: 64, ways: None, replacement: Replacement::Lru };
-//!     let mut node = Replayer::<Lru, _>::new(&lines, Geometry::new(&memory, layout).expect("not too small"), 1);
+//!     let mut node = Replayer::<Lru, _>::new(&lines, Geometry::new(&memory, layout).expect("not too small"), 1).expect("few slots");
 //!     let mut sum = Sum::new(&trace);
 //!     for tile in 0..trace.tiles.len() as u32 {
 //!         node.tile(&trace, tile, &mut sum).expect("it is in memory");

@@ -265,7 +265,8 @@ fn captured(scene: &Prepared) -> Captured {
 
 #[inline(never)]
 fn replayed_references(trace: &Captured, lines: &RecordLines, geometry: Geometry) -> u64 {
-    let (mut memory, mut sum) = (Replayer::<Lru, _>::new(lines, geometry, 1), Sum::new(trace));
+    let (mut memory, mut sum) =
+        (Replayer::<Lru, _>::new(lines, geometry, 1).expect("a possible memory"), Sum::new(trace));
     for tile in 0..trace.tiles.len() as u32 {
         memory.tile(trace, tile, &mut sum).expect("sound");
     }

@@ -134,7 +134,7 @@ fn misses<R: Replacement>(
     geometries: &[Geometry],
 ) -> Vec<u64> {
     let count = |&geometry: &Geometry| {
-        let mut replayer = Replayer::<R, _>::new(lines, geometry, 0);
+        let mut replayer = Replayer::<R, _>::new(lines, geometry, 0).expect("few slots");
         let mut sum = Sum::new(recording);
         tiles.iter().for_each(|&tile| replayer.tile(recording, tile, &mut sum).expect("a sound recording"));
         sum.finish().line_misses
@@ -153,8 +153,12 @@ fn libcachesim_counts_the_same_misses() {
     let (path, count) =
         exported(out.path(), "x.bin", |file| oracle_general::write(file, &recording, &tiles, &lines, LINE_BYTES));
     let sizes = [64, 32, 16, 8, 4].map(|share| (lines.count() / share).max(16));
-    let geometries =
-        sizes.map(|ways| Geometry { line_bytes: LINE_BYTES, database_lines: lines.count(), sets: 1, ways });
+    let geometries = sizes.map(|ways| Geometry {
+        line_bytes: LINE_BYTES,
+        database_lines: lines.count(),
+        sets: 1,
+        ways: u64::from(ways),
+    });
 
     let mut arguments = vec![path.to_string_lossy().into_owned(), LINE_BYTES.to_string()];
     arguments.extend(sizes.iter().map(u32::to_string));

@@ -340,6 +340,7 @@ pub(crate) mod fixture {
     //! A report with every part present, its numbers worked by hand.
 
     use super::*;
+    use machine::hardware::local_memory::MemoryShape;
     use machine::hardware::stats::{Counters, MemoryStats, octree_class, section_class};
     use trace::database::{Layout, Section};
 
@@ -347,6 +348,9 @@ pub(crate) mod fixture {
     pub(crate) fn layout() -> Layout {
         Layout::new([8; Section::COUNT]).expect("small")
     }
+
+    /// 64 sets of four ways.
+    pub(crate) const SHAPE: MemoryShape = MemoryShape { local_bytes: 8192, sets: 64, lines_per_set: 4 };
 
     /// 32-byte lines, two nodes with the same counts each.
     pub(crate) fn memory_stats() -> MemoryStats {
@@ -413,7 +417,7 @@ pub(crate) mod fixture {
             tests: Some(Tests { primitive: 12_345, polygon_triangles: 0, mailbox_skips: 678 }),
             tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0, ..Tiles::default() }),
             nodes: vec![node(0), node(1)],
-            memory: Some(Memory::new(&all, &layout(), 32, 8192)),
+            memory: Some(Memory::new(&all, &layout(), 32, SHAPE)),
             bus: Some(Bus {
                 transactions: 120,
                 fetches: 103,

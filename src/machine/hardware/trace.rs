@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::hardware::local_memory::GeometryError;
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 
 /// A tile that a node traced to its end, and where its references are.
@@ -23,6 +24,12 @@ pub struct TracedTile {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct TraceError(pub String);
+
+impl From<GeometryError> for TraceError {
+    fn from(error: GeometryError) -> Self {
+        Self(format!("local memory: {error}"))
+    }
+}
 
 /// References that can be replayed any number of times, from any number of threads.
 pub trait Trace: Sync {

@@ -77,7 +77,7 @@ fn both<R: Replacement>(database: &Verified, trace: &Captured, geometry: Geometr
     trace.parts.iter().for_each(|words| read_all(&mut live, &numbers, &levels, words));
 
     let lines = RecordLines::new(layout, geometry.line_bytes);
-    let mut replayer = Replayer::<R, _>::new(&lines, geometry, SEED);
+    let mut replayer = Replayer::<R, _>::new(&lines, geometry, SEED).expect("few slots");
     let mut detail = Detail::new(trace, Classes::new(layout, &levels));
     for tile in 0..trace.tiles.len() as u32 {
         replayer.tile(trace, tile, &mut detail).expect("in memory");
@@ -199,6 +199,7 @@ fn a_word_that_is_not_known_is_an_error() {
     let geometry = Geometry::new(&memory(MemorySize::All, 16, None), &layout).expect("within ranges");
     let lines = RecordLines::new(&layout, 16);
     let trace = Tiles::new(&[(0, 0, true)]);
-    let error = Replayer::<Lru, _>::new(&lines, geometry, SEED).words(&[3, 1 << 30], &mut Sum::new(&trace));
+    let error =
+        Replayer::<Lru, _>::new(&lines, geometry, SEED).expect("few slots").words(&[3, 1 << 30], &mut Sum::new(&trace));
     assert_eq!(error, Err(TraceError("0x40000000 is no word that this version knows".to_owned())));
 }

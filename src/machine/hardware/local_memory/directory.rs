@@ -1,13 +1,13 @@
 //! Which line is in which slot: tags and replacement, without data.
 
-use super::Geometry;
+use super::Slots;
 use crate::hardware::replacement::Replacement;
 
 /// The tags of a local memory. Given the same references it decides the same hits and victims, with data or
 /// without.
 #[derive(Debug)]
 pub struct Directory<R> {
-    geometry: Geometry,
+    extent: Slots,
     seed: u64,
     /// By line of the image: its slot plus one, or 0 where it is absent. Fresh zeroed pages cost nothing until
     /// they are touched, so that a large image costs a node only the part it reads.
@@ -33,29 +33,25 @@ pub enum Reference {
 }
 
 impl<R: Replacement> Directory<R> {
-    /// An empty memory; `seed` decides random replacement.
-    pub fn new(geometry: Geometry, seed: u64) -> Self {
+    /// An empty memory with these slots, for lines below `lines`; `seed` decides random replacement.
+    pub fn new(extent: Slots, lines: u32, seed: u64) -> Self {
         Self {
-            geometry,
+            extent,
             seed,
-            slots: vec![0; geometry.database_lines as usize],
-            lines: vec![0; geometry.lines() as usize],
-            filled: vec![0; geometry.sets as usize],
-            replacement: R::new(geometry.sets, geometry.ways, seed),
+            slots: vec![0; lines as usize],
+            lines: vec![0; extent.count() as usize],
+            filled: vec![0; extent.sets as usize],
+            replacement: R::new(extent.sets, extent.ways, seed),
         }
-    }
-
-    pub fn geometry(&self) -> &Geometry {
-        &self.geometry
     }
 
     /// References a line, and gives it a slot if it has none.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `database_lines`, or the policy's victim is not a slot of its set.
+    /// `line` is not below the number of lines, or the policy's victim is not a slot of its set.
     #[inline(always)]
     pub fn reference(&mut self, line: u32) -> Reference {
-        let Some(slot) = self.slot(line) else { return self.fill(line, line % self.geometry.sets) };
+        let Some(slot) = self.slot(line) else { return self.fill(line, line % self.extent.sets) };
         self.hit(slot);
         Reference::Hit { slot }
     }
@@ -63,7 +59,7 @@ impl<R: Replacement> Directory<R> {
     /// The slot of a line that is in the memory. What is read there is a reference: [`Self::hit`] is to follow.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `database_lines`.
+    /// `line` is not below the number of lines.
     #[inline(always)]
     pub fn slot(&self, line: u32) -> Option<u32> {
         self.slots[line as usize].checked_sub(1)
@@ -78,7 +74,7 @@ impl<R: Replacement> Directory<R> {
     /// Gives a line that is not in the memory a slot of this set, which is the line's own.
     ///
     /// # Panics
-    /// `line` is not below the geometry's `database_lines`, `set` is not below its `sets`, or the policy's victim is not a slot
+    /// `line` is not below the number of lines, `set` is not below that of sets, or the policy's victim is not a slot
     /// of the set.
     #[inline(always)]
     pub fn miss(&mut self, line: u32, set: u32) {
@@ -92,22 +88,22 @@ impl<R: Replacement> Directory<R> {
 
     /// Empties the memory; it is as new.
     pub fn clear(&mut self) {
-        *self = Self::new(self.geometry, self.seed);
+        *self = Self::new(self.extent, self.slots.len() as u32, self.seed);
     }
 
     #[inline(never)]
     fn fill(&mut self, line: u32, set: u32) -> Reference {
         let filled = &mut self.filled[set as usize];
-        let (slot, evicted) = if *filled < self.geometry.ways {
+        let (slot, evicted) = if *filled < self.extent.ways {
             *filled += 1;
-            (set * self.geometry.ways + *filled - 1, None)
+            (set * self.extent.ways + *filled - 1, None)
         } else {
             let slot = self.replacement.victim(set);
-            let first = set * self.geometry.ways;
+            let first = set * self.extent.ways;
             assert!(
-                (first..first + self.geometry.ways).contains(&slot),
+                (first..first + self.extent.ways).contains(&slot),
                 "the replacement policy evicts from slot {slot}, expected one of set {set}, {first} to {}",
-                first + self.geometry.ways - 1
+                first + self.extent.ways - 1
             );
             let evicted = self.lines[slot as usize];
             self.slots[evicted as usize] = 0;
@@ -128,8 +124,7 @@ mod tests {
     #[test]
     fn lines_go_to_the_slots_of_their_set() {
         // Three sets of two ways; lines 1, 4, 7 and 10 belong to set 1, whose slots are 2 and 3.
-        let mut directory =
-            Directory::<Fifo>::new(Geometry { line_bytes: 16, database_lines: 12, sets: 3, ways: 2 }, 0);
+        let mut directory = Directory::<Fifo>::new(Slots { sets: 3, ways: 2 }, 12, 0);
         assert_eq!(directory.reference(1), Reference::Miss { slot: 2, evicted: None });
         assert_eq!(directory.reference(4), Reference::Miss { slot: 3, evicted: None });
         assert_eq!(directory.reference(1), Reference::Hit { slot: 2 });
@@ -141,8 +136,7 @@ mod tests {
 
     #[test]
     fn an_absent_line_is_not_brought_in_by_asking() {
-        let geometry = Geometry { line_bytes: 16, database_lines: 4, sets: 1, ways: 2 };
-        let mut directory = Directory::<Lru>::new(geometry, 0);
+        let mut directory = Directory::<Lru>::new(Slots { sets: 1, ways: 2 }, 4, 0);
         assert_eq!(directory.slot(3), None);
         assert_eq!(directory.reference(3), Reference::Miss { slot: 0, evicted: None });
         assert_eq!(directory.reference(0), Reference::Miss { slot: 1, evicted: None });
@@ -165,8 +159,7 @@ mod tests {
             }
             fn fill(&mut self, _slot: u32) {}
         }
-        let geometry = Geometry { line_bytes: 16, database_lines: 8, sets: 2, ways: 2 };
-        let mut directory = Directory::<Astray>::new(geometry, 0);
+        let mut directory = Directory::<Astray>::new(Slots { sets: 2, ways: 2 }, 8, 0);
         for line in [0, 2, 4] {
             directory.reference(line);
         }
@@ -174,8 +167,7 @@ mod tests {
 
     #[test]
     fn cleared_it_is_as_new() {
-        let geometry = Geometry { line_bytes: 16, database_lines: 8, sets: 2, ways: 2 };
-        let mut directory = Directory::<Lru>::new(geometry, 0);
+        let mut directory = Directory::<Lru>::new(Slots { sets: 2, ways: 2 }, 8, 0);
         let run = |directory: &mut Directory<Lru>| [0, 2, 4, 1, 0].map(|line| directory.reference(line));
         let first = run(&mut directory);
         directory.clear();

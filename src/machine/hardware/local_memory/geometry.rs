@@ -1,92 +1,133 @@
 //! How large a local memory is, and how it is divided.
 
+use serde::{Deserialize, Serialize};
+
 use crate::hardware::specification;
 use trace::database::Layout;
 
 /// Fewer lines make no memory: the lines of a record alone would drive each other out.
 pub const LINES_MIN: u64 = specification::LocalMemory::LINES_MIN;
 
-/// A local memory of `sets` sets of `ways` lines, for an image of `database_lines` lines.
+/// Bytes of a line of a database.
+const LINE_BYTES_MIN: u32 = 16;
+pub const LINE_BYTES_MAX: u32 = 256;
+
+/// A local memory of `sets` sets of `ways` lines, as large as it was asked to be, for a database of `database_lines` lines.
 ///
-/// Line `n` of the image belongs to set `n mod sets`.
+/// Line `n` of the database belongs to set `n mod sets`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Geometry {
-    /// A power of two, 16 to 256.
+    /// A power of two, 16 to 256; up to 65,536 for a trace that came from elsewhere.
     pub line_bytes: u32,
     pub database_lines: u32,
+    pub sets: u64,
+    pub ways: u64,
+}
+
+/// One node's local memory, as it was made of what was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MemoryShape {
+    /// For which it has room, in whole sets.
+    pub local_bytes: u64,
+    pub sets: u64,
+    /// The ways; of a fully associative memory, all of its lines.
+    pub lines_per_set: u64,
+}
+
+impl From<Geometry> for MemoryShape {
+    fn from(geometry: Geometry) -> Self {
+        Self { local_bytes: geometry.local_bytes(), sets: geometry.sets, lines_per_set: geometry.ways }
+    }
+}
+
+/// Sets and ways that lines of the database can ever fill: those of a memory that is larger than the database need not be there
+/// to be counted.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Slots {
     pub sets: u32,
     pub ways: u32,
+}
+
+impl Slots {
+    /// More are not simulated: twice the lines of the largest database.
+    pub const COUNT_MAX: u64 = 1 << 29;
+
+    pub fn count(self) -> u32 {
+        self.sets * self.ways
+    }
 }
 
 /// Why a local memory cannot be made as its topology says. Each says what was expected.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum GeometryError {
-    #[error("a line of {0} bytes: expected a power of two, 16 to 256")]
-    Line(u32),
+    #[error("a line of {line_bytes} bytes: expected a power of two, 16 to {max}")]
+    Line { line_bytes: u32, max: u32 },
     #[error("a share of {numerator}/{denominator}: expected above 0 and at most 1")]
     Share { numerator: u32, denominator: u32 },
     #[error("{bytes} bytes are {} lines of {line_bytes} bytes: expected at least {LINES_MIN} lines, {} bytes",
             bytes / u64::from(*line_bytes), LINES_MIN * u64::from(*line_bytes))]
     TooSmall { bytes: u64, line_bytes: u32 },
     #[error("{ways} ways in a memory of {lines} lines: expected 1 to {lines}")]
-    Ways { ways: u32, lines: u32 },
+    Ways { ways: u32, lines: u64 },
+    #[error("{sets} sets of {ways} ways that are referenced: expected at most {} lines in all", Slots::COUNT_MAX)]
+    TooManySlots { sets: u64, ways: u64 },
     #[error("the database is empty: expected at least one record")]
     EmptyImage,
 }
 
 impl Geometry {
-    /// Resolves a topology's local memory for an image. A size is rounded down to whole lines, and these to
-    /// whole sets; a share is never less than [`LINES_MIN`] lines, and no memory has more lines than the image.
+    /// Resolves a topology's local memory for a database, as [`Self::of_lines`] does.
+    ///
+    /// # Errors
+    /// As of `of_lines`; a line that is not a power of two, 16 to 256.
+    pub fn new(memory: &specification::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
+        Self::check_line(memory.line, LINE_BYTES_MAX)?;
+        // Sections fill whole granules, and these are lines: at most 2³² bytes in lines of at least 16.
+        Self::of_lines(memory, (layout.database_bytes() / u64::from(memory.line)) as u32)
+    }
+
+    /// # Errors
+    /// A line that is not a power of two, 16 to `max`.
+    pub fn check_line(line_bytes: u32, max: u32) -> Result<(), GeometryError> {
+        let is_possible = line_bytes.is_power_of_two() && (LINE_BYTES_MIN..=max).contains(&line_bytes);
+        if is_possible { Ok(()) } else { Err(GeometryError::Line { line_bytes, max }) }
+    }
+
+    /// Resolves a local memory for a database of so many lines of its size. Bytes and shares are rounded down to whole lines, and
+    /// these to whole sets; a share is never less than [`LINES_MIN`] lines, and `all` is rounded up to whole sets.
     ///
     /// # Errors
     /// A value is out of its range, or there are fewer lines than ways.
-    pub fn new(memory: &specification::LocalMemory, layout: &Layout) -> Result<Self, GeometryError> {
-        Self::of_database(memory, layout.database_bytes())
-    }
-
-    /// [`Self::new`] for an image of so many bytes, a multiple of 256, at most 2³².
-    ///
-    /// # Errors
-    /// As of `new`.
-    pub fn of_database(memory: &specification::LocalMemory, database_bytes: u64) -> Result<Self, GeometryError> {
-        let line_bytes = memory.line;
-        if !line_bytes.is_power_of_two() || !(16..=256).contains(&line_bytes) {
-            return Err(GeometryError::Line(line_bytes));
-        }
-        if database_bytes == 0 {
+    pub fn of_lines(memory: &specification::LocalMemory, database_lines: u32) -> Result<Self, GeometryError> {
+        if database_lines == 0 {
             return Err(GeometryError::EmptyImage);
         }
-        assert!(
-            database_bytes.is_multiple_of(u64::from(line_bytes)),
-            "sections fill whole granules, and these are lines"
-        );
-        // At most 2³² bytes in lines of at least 16.
-        let database_lines = (database_bytes / u64::from(line_bytes)) as u32;
-
-        let asked = Self::lines_asked(memory.size, line_bytes, database_bytes)?;
-        let ways = memory.ways.unwrap_or(u32::MAX);
-        if ways == 0 || memory.ways.is_some_and(|ways| u64::from(ways) > asked) {
-            return Err(GeometryError::Ways { ways, lines: u32::try_from(asked).unwrap_or(u32::MAX) });
+        let line_bytes = memory.line;
+        let lines = Self::lines_asked(memory.size, line_bytes, database_lines)?;
+        let ways = memory.ways.map_or(lines, u64::from);
+        let (sets, is_possible) = match memory.size {
+            specification::MemorySize::All => (lines.div_ceil(ways.max(1)), ways > 0),
+            _ => (lines / ways.max(1), (1..=lines).contains(&ways)),
+        };
+        if !is_possible {
+            return Err(GeometryError::Ways { ways: memory.ways.unwrap_or(0), lines });
         }
-        let lines = asked.min(u64::from(database_lines)) as u32;
-        let ways = ways.min(lines);
-        Ok(Self { line_bytes, database_lines, sets: lines / ways, ways })
+        Ok(Self { line_bytes, database_lines, sets, ways })
     }
 
     fn lines_asked(
         size: specification::MemorySize,
         line_bytes: u32,
-        database_bytes: u64,
+        database_lines: u32,
     ) -> Result<u64, GeometryError> {
-        let line = u64::from(line_bytes);
+        let (line, all) = (u64::from(line_bytes), u64::from(database_lines));
         match size {
-            specification::MemorySize::All => Ok((database_bytes / line).max(LINES_MIN)),
+            specification::MemorySize::All => Ok(all.max(LINES_MIN)),
             specification::MemorySize::Share { numerator, denominator } => {
                 if numerator == 0 || numerator > denominator {
                     return Err(GeometryError::Share { numerator, denominator });
                 }
-                let bytes = u128::from(database_bytes) * u128::from(numerator) / u128::from(denominator);
-                Ok((bytes as u64 / line).max(LINES_MIN))
+                Ok((all * u64::from(numerator) / u64::from(denominator)).max(LINES_MIN))
             }
             specification::MemorySize::Bytes(bytes) if bytes < LINES_MIN * line => {
                 Err(GeometryError::TooSmall { bytes, line_bytes })
@@ -95,13 +136,22 @@ impl Geometry {
         }
     }
 
-    pub fn lines(&self) -> u32 {
+    /// As large as the memory is.
+    pub fn lines(&self) -> u64 {
         self.sets * self.ways
     }
 
-    /// Bytes of data that the memory holds.
+    /// Bytes of data for which the memory has room.
     pub fn local_bytes(&self) -> u64 {
-        u64::from(self.lines()) * u64::from(self.line_bytes)
+        self.lines() * u64::from(self.line_bytes)
+    }
+
+    /// What the lines of a database without gaps can fill: line `n` belongs to set `n mod sets` of these too.
+    pub fn slots(&self) -> Slots {
+        let lines = u64::from(self.database_lines);
+        let sets = self.sets.min(lines);
+        // At most the database's lines, and so many bits.
+        Slots { sets: sets as u32, ways: self.ways.min(lines.div_ceil(sets)) as u32 }
     }
 }
 
@@ -131,16 +181,32 @@ mod tests {
             (1000, share(1, 4096), 256, None, (1, 16)), // the least
             (1000, Bytes(4096), 64, None, (1, 64)),
             (1000, Bytes(4096 + 63), 64, Some(4), (16, 4)),
-            (1000, Bytes(u64::MAX), 64, Some(4), (1000, 4)), // the image's lines
+            (1000, Bytes(1 << 40), 64, Some(4), (1 << 32, 4)), // larger than the image
             (1000, All, 16, None, (1, 16_000)),
-            (3, Bytes(4096), 256, None, (1, 3)),    // a small image
-            (3, All, 256, Some(16), (1, 3)),        // its lines are fewer than the ways
+            (10, Bytes(1 << 20), 256, Some(7), (585, 7)),
+            (10, All, 256, Some(7), (3, 7)),      // all of it has room
+            (3, Bytes(4096), 256, None, (1, 16)), // a small image
+            (3, All, 256, Some(16), (1, 16)),
             (1 << 24, All, 16, None, (1, 1 << 28)), // the largest image
         ];
         for (granules, size, line, ways, expected) in table {
             let geometry = Geometry::new(&memory(size, line, ways), &image(granules)).expect("within ranges");
             assert_eq!((geometry.sets, geometry.ways), expected, "{granules} {size:?} {line} {ways:?}");
-            assert!(geometry.lines() <= geometry.database_lines);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_filled_has_no_slot() {
+        let geometry = |database_lines, sets, ways| Geometry { line_bytes: 16, database_lines, sets, ways };
+        for (geometry, sets, ways) in [
+            (geometry(10, 585, 7), 10, 1),
+            (geometry(10, 3, 7), 3, 4),
+            (geometry(10, 3, 2), 3, 2),
+            (geometry(10, 1, 1 << 36), 1, 10),
+            (geometry(1 << 28, (1 << 28) - 1, 16), (1 << 28) - 1, 2),
+        ] {
+            assert_eq!(geometry.slots(), Slots { sets, ways }, "{geometry:?}");
+            assert!(u64::from(geometry.slots().count()) <= Slots::COUNT_MAX);
         }
     }
 

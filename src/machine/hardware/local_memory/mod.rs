@@ -12,7 +12,7 @@ mod padded;
 mod source;
 
 pub use directory::{Directory, Reference};
-pub use geometry::{Geometry, GeometryError, LINES_MIN};
+pub use geometry::{Geometry, GeometryError, LINE_BYTES_MAX, LINES_MIN, MemoryShape, Slots};
 pub use source::LineSource;
 
 use bytemuck::Pod;
@@ -56,6 +56,7 @@ struct SectionWords {
 /// Tags, data and counters of a local memory with replacement policy `R`, filled from `S`.
 #[derive(Debug)]
 pub struct LocalMemory<R, S> {
+    geometry: Geometry,
     directory: Directory<R>,
     /// The lines' words by slot, with a record's before and after them, which may be read but do not count.
     data: Vec<u32>,
@@ -97,9 +98,11 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             SectionWords { base: (span.base.0 / WORD as u64) as u32, records: span.records as u32 }
         };
         let line_words = geometry.line_bytes / WORD as u32;
+        let slots = geometry.slots();
         Self {
-            directory: Directory::new(geometry, seed),
-            data: vec![0; geometry.local_bytes() as usize / WORD + 2 * RECORD_WORDS_MAX as usize],
+            geometry,
+            directory: Directory::new(slots, geometry.database_lines, seed),
+            data: vec![0; slots.count() as usize * line_words as usize + 2 * RECORD_WORDS_MAX as usize],
             line_shift: line_words.trailing_zeros(),
             offset_mask: line_words - 1,
             sections: Section::ALL.map(place),
@@ -114,7 +117,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     }
 
     pub fn geometry(&self) -> &Geometry {
-        self.directory.geometry()
+        &self.geometry
     }
 
     /// The counts since the last call: those of one tile, when called between tiles.

@@ -95,7 +95,7 @@ fn check<R: Replacement>(
 ) -> Result<(), TestCaseError> {
     let (image, cluster_memory) = (image(layout), cluster_memory(layout));
     let mut memory = counting::<R>(&cluster_memory, layout, local);
-    let mut directory = Directory::<R>::new(*memory.geometry(), 3);
+    let mut directory = Directory::<R>::new(memory.geometry().slots(), memory.geometry().database_lines, 3);
     let (mut expected, mut words) = (Counters::default(), 0);
     for &(section, index) in reads {
         let section = Section::ALL[section];
@@ -152,7 +152,7 @@ proptest! {
         for layout in [layout(), padded_layout()] {
             let (image, cluster_memory) = (image(&layout), cluster_memory(&layout));
             let database_lines = (layout.database_bytes() / 16) as u32;
-            let geometry = Geometry { line_bytes: 16, database_lines, sets, ways };
+            let geometry = Geometry { line_bytes: 16, database_lines, sets: u64::from(sets), ways: u64::from(ways) };
             let mut memory = LocalMemory::<Random, _>::new(geometry, &layout, 9, &cluster_memory);
             for &(section, index) in &reads {
                 let section = Section::ALL[section];

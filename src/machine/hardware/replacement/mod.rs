@@ -57,7 +57,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::hardware::local_memory::{Directory, Geometry, Reference};
+    use crate::hardware::local_memory::{Directory, Reference, Slots};
 
     /// Belady's string, on which FIFO misses more with four frames than with three.
     const BELADY: [u32; 12] = [1, 2, 3, 4, 1, 2, 5, 1, 2, 3, 4, 5];
@@ -65,13 +65,12 @@ mod tests {
     /// LRU has 4 faults after the first three, clock 5, FIFO 6.
     const STALLINGS: [u32; 12] = [2, 3, 2, 1, 5, 2, 4, 5, 3, 2, 5, 2];
 
-    pub(super) fn geometry(sets: u32, ways: u32) -> Geometry {
-        Geometry { line_bytes: 16, database_lines: 64, sets, ways }
-    }
+    /// Of lines below this.
+    pub(super) const LINES: u32 = 64;
 
     /// Per reference whether it missed.
     pub(super) fn misses<R: Replacement>(sets: u32, ways: u32, references: &[u32]) -> Vec<bool> {
-        let mut directory = Directory::<R>::new(geometry(sets, ways), 1);
+        let mut directory = Directory::<R>::new(Slots { sets, ways }, LINES, 1);
         references.iter().map(|&line| matches!(directory.reference(line), Reference::Miss { .. })).collect()
     }
 
@@ -129,7 +128,7 @@ mod tests {
 
     /// Per reference whether it missed, when a hit is repeated at once: `repeats` times, twice as often, or not, in turn.
     fn misses_of_repeated<R: Replacement>(ways: u32, references: &[u32], repeats: usize) -> Vec<bool> {
-        let mut directory = Directory::<R>::new(geometry(2, ways), 1);
+        let mut directory = Directory::<R>::new(Slots { sets: 2, ways }, LINES, 1);
         let missed = |(i, &line): (usize, &u32)| match directory.reference(line) {
             Reference::Miss { .. } => true,
             Reference::Hit { slot } => {

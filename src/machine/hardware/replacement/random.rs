@@ -33,9 +33,9 @@ impl Replacement for Random {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::tests::geometry;
+    use super::super::tests::LINES;
     use super::*;
-    use crate::hardware::local_memory::{Directory, Reference};
+    use crate::hardware::local_memory::{Directory, Reference, Slots};
 
     proptest! {
         /// The model keeps the lines of a set in an array and draws its victims from the same generator.
@@ -43,7 +43,7 @@ mod tests {
         fn agrees_with_an_array_and_the_same_generator(
             references in prop::collection::vec(0u32..64, 0..600), sets in 1u32..6, ways in 1u32..9, seed: u64,
         ) {
-            let mut directory = Directory::<Random>::new(geometry(sets, ways), seed);
+            let mut directory = Directory::<Random>::new(Slots { sets, ways }, LINES, seed);
             let mut generator = Pcg32::seed_from_u64(seed);
             let mut resident = vec![Vec::new(); sets as usize];
             for line in references {

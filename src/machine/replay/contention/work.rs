@@ -9,6 +9,7 @@ use crate::hardware::transaction::Kind;
 use crate::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::contention::{Burst, Cycle, Transaction, Workload};
 use crate::replay::model::replayer::{Counters, Replayer, Sum};
+use crate::replay::plan::setting::Setting;
 use crate::replay::stream::subject::Subject;
 use crate::replay::{Lines, Tally, TraceError};
 use ground::ids::{NodeId, TileId};
@@ -72,24 +73,42 @@ enum Doing {
 }
 
 impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
-    /// `nodes` of them with such memories; of assigned tiles there is a list a node. `on_step` is told of
+    /// The setting's number of nodes with such memories; of assigned tiles there is a list a node. `on_step` is told of
     /// each step.
-    pub fn new(subject: &'a S, lines: &'a S::Lines, geometry: Geometry, tiles: Tiles, nodes: u16, on_step: F) -> Self {
-        let node = |_| Node {
-            memory: Replayer::new(lines, geometry, subject.seed()),
-            tally: Cost { subject, by_kind: subject.read_cycles(), cycles: 0, sum: Sum::new(subject) },
-            doing: Doing::Nothing,
-            tile: 0,
-            parts: 0..0,
-            words: Vec::new(),
-            done: 0,
+    ///
+    /// # Errors
+    /// Memories of more slots than can be simulated.
+    pub fn new(
+        subject: &'a S,
+        lines: &'a S::Lines,
+        geometry: Geometry,
+        tiles: Tiles,
+        setting: &Setting,
+        on_step: F,
+    ) -> Result<Self, TraceError> {
+        let node = |_| {
+            Ok::<_, TraceError>(Node {
+                memory: Replayer::new(lines, geometry, subject.seed())?,
+                tally: Cost {
+                    subject,
+                    by_kind: subject.read_cycles(&setting.processor),
+                    cycles: 0,
+                    sum: Sum::new(subject),
+                },
+                doing: Doing::Nothing,
+                tile: 0,
+                parts: 0..0,
+                words: Vec::new(),
+                done: 0,
+            })
         };
         let tiles = match tiles {
             Tiles::Shared(tiles) => Queue::Shared(tiles),
             Tiles::Assigned(nodes) => Queue::Assigned(nodes.into_iter().map(one_after_the_other).collect()),
         };
         let line_bytes = geometry.line_bytes;
-        Self { subject, lines, tiles, nodes: (0..nodes).map(node).collect(), line_bytes, on_step }
+        let nodes = (0..setting.nodes).map(node).collect::<Result<_, _>>()?;
+        Ok(Self { subject, lines, tiles, nodes, line_bytes, on_step })
     }
 
     /// What all nodes counted in accepted tiles.

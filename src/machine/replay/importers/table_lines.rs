@@ -112,14 +112,14 @@ impl Lines for TableLines {
     }
 
     #[inline(always)]
-    fn set(&self, line: u32, sets: u32) -> u32 {
+    fn set(&self, line: u32, sets: u64) -> u64 {
         let granule_shift = GRANULE_BYTES.trailing_zeros() - self.line_shift;
         let granule = self.granules[(line >> granule_shift) as usize];
         let real = match self.unit {
             Unit::Bytes => granule << granule_shift | u64::from(line & ((1 << granule_shift) - 1)),
             Unit::Objects => granule,
         };
-        (real % u64::from(sets)) as u32
+        real % sets
     }
 }
 

@@ -17,11 +17,11 @@ use trace::scene::SourceError;
 fn totals<R: crate::hardware::replacement::Replacement>(
     trace: &impl Trace,
     lines: &impl Lines,
-    sets: u32,
-    ways: u32,
+    sets: u64,
+    ways: u64,
 ) -> Counters {
     let geometry = Geometry { line_bytes: 64, database_lines: lines.count(), sets, ways };
-    let mut replayer = Replayer::<R, _>::new(lines, geometry, 0);
+    let mut replayer = Replayer::<R, _>::new(lines, geometry, 0).expect("few slots");
     let mut sum = Sum::new(trace);
     for tile in 0..trace.tiles().len() as u32 {
         replayer.tile(trace, tile, &mut sum).expect("a sound trace");
@@ -37,7 +37,7 @@ fn sets_of(imported: &Imported, lines: &TableLines) -> Vec<u32> {
         let (first, count) = lines.of(record);
         first..first + count
     };
-    words.iter().flat_map(lines_of).map(|line| lines.set(line, 7)).collect()
+    words.iter().flat_map(lines_of).map(|line| lines.set(line, 7) as u32).collect()
 }
 
 #[test]

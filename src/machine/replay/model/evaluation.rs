@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::hardware::local_memory::Geometry;
+use crate::hardware::local_memory::{Geometry, MemoryShape};
 use crate::hardware::references::ReferenceWord;
 use crate::replay::contention::timing::{Timing, simulate_setting};
 use crate::replay::model::counts::{Counts, ratio};
@@ -22,8 +22,8 @@ use crate::tile_order::TileOrder;
 pub struct Row {
     #[serde(flatten)]
     pub setting: Setting,
-    /// Of one node's local memory.
-    pub local_bytes: u64,
+    #[serde(flatten)]
+    pub memory: MemoryShape,
     #[serde(flatten)]
     pub counts: Counts,
     pub misses_per_record_access: f64,
@@ -90,8 +90,7 @@ pub fn evaluate<S: Subject>(
 ) -> Result<Vec<Row>, TraceError> {
     let mut geometries = Vec::new();
     for setting in settings {
-        let geometry = Geometry::of_database(&setting.memory(), subject.database_bytes());
-        geometries.push(geometry.map_err(|error| TraceError(format!("local memory: {error}")))?);
+        geometries.push(subject.geometry(&setting.memory())?);
     }
     let words_read = words_read(subject)?;
     let is_whole = subject.ordered(TileOrder::Scanline).iter().all(Option::is_some);
@@ -196,7 +195,7 @@ impl Row {
         });
         Self {
             setting,
-            local_bytes: geometry.local_bytes(),
+            memory: geometry.into(),
             counts,
             misses_per_record_access: ratio(counts.misses, counts.record_accesses),
             words_moved_per_word_read: ratio(counts.words_moved, words_read),

@@ -24,8 +24,8 @@ pub struct Classified {
 
 /// Divides the misses of a memory of so many lines, or of several; `curve` is that of the same references, summed
 /// over the same memories.
-pub fn classify(actual: &Counters, curve: &LruCurve, lines: u32) -> Classified {
-    let (least, lru) = (curve.compulsory(), curve.at(lines));
+pub fn classify(actual: &Counters, curve: &LruCurve, lines: u64) -> Classified {
+    let (least, lru) = (curve.compulsory(), curve.at(u32::try_from(lines).unwrap_or(u32::MAX)));
     debug_assert_eq!(
         (actual.record_accesses, actual.line_accesses),
         (lru.record_accesses, lru.line_accesses),
@@ -52,10 +52,10 @@ mod tests {
     use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
-    fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u32, ways: u32) -> (Counters, Classified) {
+    fn classes<R: Replacement>(records: &[u32], lines: &impl Lines, sets: u64, ways: u64) -> (Counters, Classified) {
         let trace = captured(&[records], 7);
         let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets, ways };
-        let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(&trace));
+        let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1).expect("few slots"), Sum::new(&trace));
         memory.tile(&trace, 0, &mut sum).expect("sound");
         let actual = sum.finish();
         (actual, classify(&actual, &curve(&trace, &[0], lines).expect("sound"), sets * ways))

@@ -32,7 +32,7 @@ fn through<R: Replacement, S: Subject>(
     tally: &mut impl Tally,
 ) -> Result<(), TraceError> {
     let lines = subject.lines(geometry.line_bytes);
-    let mut replayer = Replayer::<R, _>::new(&lines, geometry, subject.seed());
+    let mut replayer = Replayer::<R, _>::new(&lines, geometry, subject.seed())?;
     for (epoch, tiles) in processes.iter().enumerate() {
         if epoch > 0 {
             replayer.clear();

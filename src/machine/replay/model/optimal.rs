@@ -4,9 +4,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::hardware::local_memory::Geometry;
+use crate::hardware::local_memory::{Geometry, GeometryError};
 use crate::replay::model::next_use::{NextUses, Uses};
 use crate::replay::model::replayer::Counters;
+use crate::replay::stream::placement::Placement;
 use crate::replay::{Lines, Trace, TraceError};
 
 /// What memories count that know the future: the line that gives way is the one of its set that is used last, or never
@@ -17,7 +18,7 @@ use crate::replay::{Lines, Trace, TraceError};
 /// each record lies in one line: a fetch of two lines costs no more than one of them.
 ///
 /// # Errors
-/// Those of [`NextUses`].
+/// Those of [`NextUses`]; a memory of more slots than can be simulated.
 ///
 /// # Panics
 /// A geometry is that of other lines.
@@ -27,7 +28,8 @@ pub fn optimal(
     lines: &impl Lines,
     geometries: &[Geometry],
 ) -> Result<Vec<Counters>, TraceError> {
-    let mut memories: Vec<Memory> = geometries.iter().map(|&geometry| Memory::new(geometry, lines)).collect();
+    let memories: Result<Vec<Memory>, _> = geometries.iter().map(|&geometry| Memory::new(geometry, lines)).collect();
+    let mut memories = memories?;
     NextUses::new(trace, tiles, lines)?.for_each_part(|uses| {
         for memory in &mut memories {
             memory.part(&uses, lines);
@@ -37,6 +39,7 @@ pub fn optimal(
 }
 
 struct Memory {
+    placement: Placement,
     sets: Vec<Set>,
     ways: usize,
     /// By line.
@@ -55,21 +58,23 @@ struct Set {
 }
 
 impl Memory {
-    fn new(geometry: Geometry, lines: &impl Lines) -> Self {
+    fn new(geometry: Geometry, lines: &impl Lines) -> Result<Self, GeometryError> {
         assert_eq!(geometry.database_lines, lines.count(), "a memory's geometry is resolved for its lines");
-        Self {
-            sets: vec![Set::default(); geometry.sets as usize],
-            ways: geometry.ways as usize,
+        let placement = lines.placement(&geometry)?;
+        let slots = placement.slots();
+        Ok(Self {
+            placement,
+            sets: vec![Set::default(); slots.sets as usize],
+            ways: slots.ways as usize,
             resident: vec![false; lines.count() as usize],
             totals: Counters::default(),
-        }
+        })
     }
 
     fn part(&mut self, part: &Uses<'_>, lines: &impl Lines) {
         let (mut record_misses, mut line_misses, mut missed) = (0, 0, None);
         for (left, used) in (1..=part.left).rev().zip(part.uses) {
-            let set = if self.sets.len() == 1 { 0 } else { lines.set(used.line, self.sets.len() as u32) };
-            let set = &mut self.sets[set as usize];
+            let set = &mut self.sets[self.placement.set(used.line, lines) as usize];
             if !std::mem::replace(&mut self.resident[used.line as usize], true) {
                 line_misses += 1;
                 if missed != Some(used.record) {
@@ -107,11 +112,11 @@ mod tests {
     use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
-    fn geometry(lines: &impl Lines, sets: u32, ways: u32) -> Geometry {
+    fn geometry(lines: &impl Lines, sets: u64, ways: u64) -> Geometry {
         Geometry { line_bytes: 16, database_lines: lines.count(), sets, ways }
     }
 
-    fn line_misses(string: &[u32], ways: std::ops::RangeInclusive<u32>) -> Vec<u64> {
+    fn line_misses(string: &[u32], ways: std::ops::RangeInclusive<u64>) -> Vec<u64> {
         let lines = Single(64);
         let geometries: Vec<_> = ways.map(|ways| geometry(&lines, 1, ways)).collect();
         let totals = optimal(&captured(&[string], 4), &[0], &lines, &geometries).expect("sound");
@@ -155,7 +160,7 @@ mod tests {
     }
 
     /// By looking ahead at each miss.
-    fn by_looking_ahead(records: &[u32], lines: &impl Lines, sets: u32, ways: usize) -> Counters {
+    fn by_looking_ahead(records: &[u32], lines: &impl Lines, sets: u64, ways: usize) -> Counters {
         let string: Vec<(usize, u32)> = (0..)
             .zip(records)
             .flat_map(|(i, &record)| {
@@ -190,7 +195,7 @@ mod tests {
 
     fn replayed<R: Replacement>(records: &[u32], lines: &impl Lines, geometry: Geometry) -> Counters {
         let trace = captured(&[records], 9);
-        let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1), Sum::new(&trace));
+        let (mut memory, mut sum) = (Replayer::<R, _>::new(lines, geometry, 1).expect("few slots"), Sum::new(&trace));
         memory.tile(&trace, 0, &mut sum).expect("sound");
         sum.finish()
     }

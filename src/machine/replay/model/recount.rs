@@ -93,8 +93,8 @@ fn by_directory(
     size: u32,
 ) -> Result<Counters, TraceError> {
     // The directory does not ask how large a line is.
-    let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets: 1, ways: size };
-    let mut memory = Replayer::<Lru, _>::new(lines, geometry, 0);
+    let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets: 1, ways: size.into() };
+    let mut memory = Replayer::<Lru, _>::new(lines, geometry, 0)?;
     let mut sum = Sum::new(trace);
     for &tile in tiles {
         memory.tile(trace, tile, &mut sum)?;
@@ -155,7 +155,12 @@ mod tests {
                 assert!(comparison.agrees(), "{line_bytes}: {comparison:?}");
                 assert!(comparison.recomputed.record_misses > 0);
             }
-            let geometries = sizes.map(|ways| Geometry { line_bytes, database_lines: lines.count(), sets: 1, ways });
+            let geometries = sizes.map(|ways| Geometry {
+                line_bytes,
+                database_lines: lines.count(),
+                sets: 1,
+                ways: u64::from(ways),
+            });
             let least = optimal(&trace, tiles, &lines, &geometries).expect("sound");
             for (size, least) in sizes.into_iter().zip(least) {
                 let lru = curve.at(size);

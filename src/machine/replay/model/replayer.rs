@@ -1,10 +1,11 @@
 //! One local memory over the references of one node: hits and misses, without data.
 
-use crate::hardware::local_memory::{Directory, Geometry};
+use crate::hardware::local_memory::{Directory, Geometry, GeometryError};
 use crate::hardware::references::{Event, ReferenceWord};
 use crate::hardware::replacement::Replacement;
 pub use crate::hardware::stats::Counters;
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
+use crate::replay::stream::placement::Placement;
 use crate::replay::{Lines, Trace, TraceError};
 use trace::tracer::RayKind;
 
@@ -21,6 +22,7 @@ pub trait Tally {
 /// A local memory that references go through.
 pub struct Replayer<'a, R, L> {
     lines: &'a L,
+    placement: Placement,
     directory: Directory<R>,
     /// The line of the last reference, if that was a hit. By the contract of [`Replacement`] hitting it again at once changes
     /// nothing, so that the policy is not called.
@@ -34,15 +36,20 @@ const NO_LINE: u32 = u32::MAX;
 impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// An empty memory. `geometry` is one of the same lines; `seed` decides random replacement.
     ///
+    /// # Errors
+    /// More slots than can be simulated, which the records of a database never need.
+    ///
     /// # Panics
     /// `geometry` has another number of lines than `lines`: it is of another database, or of another line size.
-    pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Self {
+    pub fn new(lines: &'a L, geometry: Geometry, seed: u64) -> Result<Self, GeometryError> {
         assert_eq!(
             geometry.database_lines,
             lines.count(),
             "lines of the memory's geometry beside those of the records, expected the same line size and database"
         );
-        Self { lines, directory: Directory::new(geometry, seed), hit_last: NO_LINE, words: Vec::new() }
+        let placement = lines.placement(&geometry)?;
+        let directory = Directory::new(placement.slots(), geometry.database_lines, seed);
+        Ok(Self { lines, placement, directory, hit_last: NO_LINE, words: Vec::new() })
     }
 
     /// Empties the memory, as a node's next process finds it.
@@ -141,7 +148,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     #[cold]
     #[inline(never)]
     fn miss(&mut self, line: u32) {
-        self.directory.miss(line, self.lines.set(line, self.directory.geometry().sets));
+        self.directory.miss(line, self.placement.set(line, self.lines));
         self.hit_last = NO_LINE;
     }
 }

@@ -132,7 +132,7 @@ mod tests {
     fn replay(trace: &Captured, layout: &Layout, tally: &mut impl Tally) {
         let lines = RecordLines::new(layout, 32);
         let geometry = Geometry { line_bytes: 32, database_lines: lines.count(), sets: 1, ways: 150 };
-        let mut replayer = Replayer::<Lru, _>::new(&lines, geometry, 0);
+        let mut replayer = Replayer::<Lru, _>::new(&lines, geometry, 0).expect("few slots");
         (0..trace.tiles.len() as u32).for_each(|tile| replayer.tile(trace, tile, tally).expect("kept"));
     }
 

@@ -1,6 +1,8 @@
 //! Which lines of a memory a record lies in.
 
+use crate::hardware::local_memory::{Geometry, GeometryError};
 use crate::hardware::references::{RecordNumbers, ReferenceWord};
+use crate::replay::stream::placement::Placement;
 use trace::database::{Layout, Section};
 use trace::tracer::simd::{Registers, Simd, Task};
 
@@ -21,7 +23,15 @@ pub trait Lines: Sync {
     fn count(&self) -> u32;
 
     /// The set of a line among so many.
-    fn set(&self, line: u32, sets: u32) -> u32;
+    fn set(&self, line: u32, sets: u64) -> u64;
+
+    /// Where these lines are placed in a memory.
+    ///
+    /// # Errors
+    /// More lines of sets that are referenced than can be simulated.
+    fn placement(&self, geometry: &Geometry) -> Result<Placement, GeometryError> {
+        Placement::of_any(self, geometry)
+    }
 }
 
 /// Words whose lines are found at once.
@@ -114,8 +124,13 @@ impl Lines for RecordLines {
     }
 
     #[inline(always)]
-    fn set(&self, line: u32, sets: u32) -> u32 {
-        line % sets
+    fn set(&self, line: u32, sets: u64) -> u64 {
+        u64::from(line) % sets
+    }
+
+    /// There are no gaps, and nothing to be counted.
+    fn placement(&self, geometry: &Geometry) -> Result<Placement, GeometryError> {
+        Ok(Placement::without_gaps(geometry))
     }
 }
 

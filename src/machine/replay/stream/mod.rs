@@ -2,5 +2,6 @@
 
 pub mod captured;
 pub mod lines;
+pub mod placement;
 pub mod reads;
 pub mod subject;

@@ -49,8 +49,8 @@ pub(in crate::replay) mod tests {
             self.lines
         }
 
-        fn set(&self, line: u32, sets: u32) -> u32 {
-            line % sets
+        fn set(&self, line: u32, sets: u64) -> u64 {
+            u64::from(line) % sets
         }
     }
 
@@ -66,8 +66,8 @@ pub(in crate::replay) mod tests {
             self.0
         }
 
-        fn set(&self, line: u32, sets: u32) -> u32 {
-            line % sets
+        fn set(&self, line: u32, sets: u64) -> u64 {
+            u64::from(line) % sets
         }
     }
 

@@ -1,7 +1,8 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
+use crate::hardware::local_memory::{Geometry, GeometryError, LINE_BYTES_MAX};
 use crate::hardware::references::RecordNumbers;
-use crate::hardware::specification::{Bus, Cluster, Processor};
+use crate::hardware::specification::{LocalMemory, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
 use crate::replay::importers::{Imported, TableLines};
@@ -19,8 +20,11 @@ pub trait Subject: Trace {
     /// Where records lie, for lines of so many bytes.
     fn lines(&self, line_bytes: u32) -> Self::Lines;
 
-    /// Of which shares are taken; a multiple of 256.
-    fn database_bytes(&self) -> u64;
+    /// A memory that is asked for, resolved for all that this trace references.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError>;
 
     /// The kind of record that this is, below the length of the following two.
     fn kind(&self, record: u32) -> usize;
@@ -28,8 +32,8 @@ pub trait Subject: Trace {
     /// By kind: 32-bit words of a record.
     fn record_words(&self) -> Vec<u32>;
 
-    /// By kind: what a processor spends on a record that it reads.
-    fn read_cycles(&self) -> Vec<u32>;
+    /// By kind: what this processor spends on a record that it reads.
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32>;
 
     /// Of a tile of the trace.
     fn pixels(&self, tile: u32) -> u32;
@@ -39,9 +43,6 @@ pub trait Subject: Trace {
 
     /// Seeds random replacement.
     fn seed(&self) -> u64;
-
-    /// The recorded bus.
-    fn bus(&self) -> Bus;
 }
 
 /// A trace of the records of a database.
@@ -49,7 +50,7 @@ pub trait DatabaseTrace: Trace {
     fn source(&self) -> TraceSource<'_>;
 }
 
-/// The database and the machine that a trace is of.
+/// The database and the image that a trace is of.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceSource<'a> {
     pub layout: &'a Layout,
@@ -57,16 +58,13 @@ pub struct TraceSource<'a> {
     pub tiling: Tiling,
     /// Of random replacement and random order.
     pub seed: u64,
-    pub processor: Processor,
-    pub bus: Bus,
 }
 
 impl DatabaseTrace for Recording {
     #[inline(always)]
     fn source(&self) -> TraceSource<'_> {
         let Self { layout, numbers, tiling, conditions, .. } = self;
-        let Cluster { processor, bus, .. } = conditions.cluster;
-        TraceSource { layout, numbers, tiling: *tiling, seed: conditions.seed, processor, bus }
+        TraceSource { layout, numbers, tiling: *tiling, seed: conditions.seed }
     }
 }
 
@@ -78,8 +76,8 @@ impl<T: DatabaseTrace> Subject for T {
         RecordLines::new(self.source().layout, line_bytes)
     }
 
-    fn database_bytes(&self) -> u64 {
-        self.source().layout.database_bytes()
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
+        Geometry::new(memory, self.source().layout)
     }
 
     #[inline(always)]
@@ -91,8 +89,8 @@ impl<T: DatabaseTrace> Subject for T {
         self.source().layout.strides().bytes().map(|bytes| bytes / 4).to_vec()
     }
 
-    fn read_cycles(&self) -> Vec<u32> {
-        let cycles = ReadCycles::new(&self.source().processor);
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32> {
+        let cycles = ReadCycles::new(processor);
         Section::ALL.map(|section| cycles.of(section)).to_vec()
     }
 
@@ -113,10 +111,6 @@ impl<T: DatabaseTrace> Subject for T {
     fn seed(&self) -> u64 {
         self.source().seed
     }
-
-    fn bus(&self) -> Bus {
-        self.source().bus
-    }
 }
 
 /// One stream of one node. Nothing is known of what was read but its size: a read costs its access.
@@ -127,8 +121,9 @@ impl Subject for Imported {
         self.lines(line_bytes)
     }
 
-    fn database_bytes(&self) -> u64 {
-        self.database_bytes()
+    fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
+        Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        Geometry::of_lines(memory, self.lines(memory.line).count())
     }
 
     #[inline(always)]
@@ -140,8 +135,8 @@ impl Subject for Imported {
         self.record_words().to_vec()
     }
 
-    fn read_cycles(&self) -> Vec<u32> {
-        vec![Processor::DEFAULT.local_access; self.record_words().len()]
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32> {
+        vec![processor.local_access; self.record_words().len()]
     }
 
     fn pixels(&self, _tile: u32) -> u32 {
@@ -154,9 +149,5 @@ impl Subject for Imported {
 
     fn seed(&self) -> u64 {
         1
-    }
-
-    fn bus(&self) -> Bus {
-        Bus::DEFAULT
     }
 }

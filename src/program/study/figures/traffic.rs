@@ -110,7 +110,13 @@ impl Traffic {
         let size = |&size: &MemorySize| {
             let memory = LocalMemory { size, line: line_bytes, ways: None, replacement: Replacement::Lru };
             let geometry = Geometry::new(&memory, &traced.layout)?;
-            Ok::<_, TrafficError>(Size::new(traced, nodes, size, geometry, &curve.at(geometry.lines())))
+            Ok::<_, TrafficError>(Size::new(
+                traced,
+                nodes,
+                size,
+                geometry,
+                &curve.at(u32::try_from(geometry.lines()).unwrap_or(u32::MAX)),
+            ))
         };
         Ok(Self {
             conditions: Conditions::new(traced, line_bytes, order),
