@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Figure1, Found, GEARS, LINE, Paper, PaperScene, Search, Setting, TEAPOT, Unit};
+use super::{Figure1, Found, GEARS, LINE, Paper, PaperScene, Search, TEAPOT, Unit};
 use crate::study::figures::conditions::octree;
 use crate::study::figures::contention::{Contention, SMALLEST};
 use crate::study::figures::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
