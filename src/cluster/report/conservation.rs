@@ -171,6 +171,8 @@ impl Conservation {
 mod tests {
     use super::*;
     use crate::report::fixture;
+    use machine::hardware::stats::section_class;
+    use trace::tracer::RayKind;
 
     /// Two nodes of the fixture (50 record misses and 55 line misses of 32 bytes each), 3 fetches of 4 lines
     /// lost with a node, 5 tiles of which 4 are done after one was issued again.
@@ -229,6 +231,22 @@ mod tests {
         assert!(conservation.holds);
         assert_eq!(conservation.checks.len(), 2 + 6 + 1);
         assert_eq!(conservation.unverifiable, ["cluster 1 (epoch 0): its bus or its master died with its books open"]);
+    }
+
+    /// Polygons that are objects: 40 tests read a polygon each, and 100 triangles.
+    #[test]
+    fn triangles_of_polygons_are_reads_and_no_tests() {
+        let mut nodes = nodes();
+        for book in &mut nodes {
+            book.trace.polygon_triangles = 100;
+            let counters = &mut book.memory.counters[RayKind::Shadow as usize];
+            counters[section_class(Section::Triangles)].record_accesses = 100;
+            let polygons = &mut counters[section_class(Section::Polygons)];
+            (polygons.record_accesses, polygons.line_accesses) = (40, 40);
+        }
+        assert!(Conservation::of(&balanced(&nodes, &[cluster()])).holds);
+        nodes[0].trace.polygon_triangles += 1;
+        assert!(!Conservation::of(&balanced(&nodes, &[cluster()])).holds);
     }
 
     #[test]

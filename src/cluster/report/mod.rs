@@ -1,4 +1,4 @@
-//! What a run tells at its end, schema version 3. Every field is documented in docs/report.md.
+//! What a run tells at its end, schema version 4. Every field is documented in docs/report.md.
 //!
 //! Plain data: counting is done elsewhere, printing in [`json`] and [`text`]. What does not apply to a run is left out.
 
@@ -28,7 +28,7 @@ use trace::tracer::simd::Simd;
 use trace::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
-pub const SCHEMA_VERSION: u32 = 3;
+pub const SCHEMA_VERSION: u32 = 4;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {

@@ -10,6 +10,7 @@ pub mod normalisation;
 pub mod primitives;
 pub mod record_layout;
 pub mod records;
+pub mod section;
 pub mod strides;
 pub mod verify;
 
@@ -17,9 +18,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use layout::{Layout, Section};
+pub use layout::Layout;
 pub use normalisation::Normalisation;
 pub use record_layout::{Numbers, Objects, RecordLayout};
+pub use section::Section;
 
 /// What every process must know of a database besides its bytes. Small: it travels with the job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,8 +8,8 @@ use std::str::FromStr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::layout::Section;
 use super::records::{Cone, Normals, Sphere, Triangle};
+use super::section::Section;
 use super::strides::{STRIDE_MAX, Strides};
 
 /// What the octree lists of a polygon.

@@ -1,6 +1,6 @@
 //! How far apart the records of each section are.
 
-use super::layout::Section;
+use super::section::Section;
 
 /// Most bytes of a record, 31 lines of 16: wherever it begins, it lies in 32 lines at most, which one fetch can name.
 pub const STRIDE_MAX: u32 = 31 * 16;

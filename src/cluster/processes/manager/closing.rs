@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::RunError;
 use super::cause::Cause;
+use super::plan::Plan;
 use super::state::State;
 use crate::protocol::control::Packets;
 use crate::report::conservation::{Books, Check, ClusterBook, Conservation, NodeBook};
@@ -31,7 +32,6 @@ pub(super) struct Facts {
     load: Duration,
     build: Duration,
     memory: MemoryShape,
-    layout: Layout,
 }
 
 impl Facts {
@@ -44,7 +44,6 @@ impl Facts {
             load: prepared.load,
             build: prepared.build,
             memory,
-            layout: prepared.database.database().header.layout.clone(),
         }
     }
 }
@@ -116,11 +115,11 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
             verified: state.tiles.verification.verified(),
             disagreements: state.tiles.verification.disagreements(),
         }),
-        nodes: nodes(state, &facts.layout, line_bytes),
+        nodes: nodes(state, line_bytes),
         memory: (!counted.is_empty()).then(|| {
             let mut all = MemoryStats::default();
             counted.iter().for_each(|book| all.add(&book.memory));
-            Memory::new(&all, &facts.layout, line_bytes, facts.memory)
+            Memory::new(&all, &state.supervision.plan.header.layout, line_bytes, facts.memory)
         }),
         bus: bus(state),
         conservation,
@@ -178,12 +177,13 @@ fn counted(state: &State) -> Vec<NodeBook> {
     book.collect()
 }
 
-pub(super) fn nodes(state: &State, layout: &Layout, line_bytes: u32) -> Vec<Node> {
-    let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
+pub(super) fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
+    let Plan { header, cluster, .. } = &state.supervision.plan;
+    let accounts = state.tiles.ledger.nodes(cluster.all_nodes());
     let node = (0..).zip(accounts).map(|(id, account)| Node {
         id,
         tiles: account.tiles,
-        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, layout, line_bytes)),
+        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, &header.layout, line_bytes)),
     });
     node.collect()
 }
