@@ -115,7 +115,7 @@ impl<R: Replacement> Directory<R> {
         };
         self.lines[slot as usize] = line;
         self.slots[line as usize] = slot + 1;
-        self.replacement.fill(slot);
+        self.replacement.fill(slot, line);
         Reference::Miss { slot, evicted }
     }
 }
@@ -163,7 +163,7 @@ mod tests {
             fn victim(&mut self, _set: u32) -> u32 {
                 2
             }
-            fn fill(&mut self, _slot: u32) {}
+            fn fill(&mut self, _slot: u32, _line: u32) {}
         }
         let geometry = Geometry { line_bytes: 16, database_lines: 8, sets: 2, ways: 2 };
         let mut directory = Directory::<Astray>::new(geometry, 0);

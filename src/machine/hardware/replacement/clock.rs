@@ -35,7 +35,7 @@ impl Replacement for Clock {
         }
     }
 
-    fn fill(&mut self, slot: u32) {
+    fn fill(&mut self, slot: u32, _line: u32) {
         self.referenced[slot as usize] = true;
     }
 }
