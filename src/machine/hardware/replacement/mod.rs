@@ -6,7 +6,7 @@ mod fifo;
 mod lru;
 mod random;
 
-pub use clock::Clock;
+pub use clock::{Clock, Clock0};
 pub use fifo::Fifo;
 pub use lru::Lru;
 pub use random::Random;
@@ -41,7 +41,7 @@ pub trait Replacement {
 #[macro_export]
 macro_rules! with_policy {
     ($specification:expr, $policy:ident => $body:expr) => {
-        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random)
+        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random, Clock0)
     };
     (@match $specification:expr, $policy:ident => $body:expr; $($name:ident),+) => {
         match $specification {
@@ -113,6 +113,9 @@ mod tests {
         assert_eq!([count::<Lru>(3, &BELADY), count::<Lru>(4, &BELADY)], [10, 8]);
         // By hand: with all reference bits set, the hand goes round once and clock is FIFO here.
         assert_eq!([count::<Clock>(3, &BELADY), count::<Clock>(4, &BELADY)], [9, 10]);
+        // By hand: with three frames 1 and 2 are hit after 5, so that 3 replaces 5 and not 1; with four they are hit before
+        // it, and stay to the end.
+        assert_eq!([count::<Clock0>(3, &BELADY), count::<Clock0>(4, &BELADY)], [10, 8]);
     }
 
     #[test]
@@ -125,7 +128,7 @@ mod tests {
     #[test]
     fn what_fits_misses_once() {
         let twice: Vec<u32> = (0..16).chain(0..16).collect();
-        for misses in [count::<Lru>, count::<Fifo>, count::<Clock>, count::<Random>] {
+        for misses in [count::<Lru>, count::<Fifo>, count::<Clock>, count::<Clock0>, count::<Random>] {
             assert_eq!(misses(16, &twice), 16);
         }
     }
@@ -183,7 +186,7 @@ mod tests {
             references in prop::collection::vec(0u32..24, 0..300), ways in 1u32..9, repeats in 1usize..4,
         ) {
             let all = [misses_of_repeated::<Lru>, misses_of_repeated::<Fifo>, misses_of_repeated::<Clock>,
-                       misses_of_repeated::<Random>];
+                       misses_of_repeated::<Random>, misses_of_repeated::<Clock0>];
             for policy in all {
                 prop_assert_eq!(policy(ways, &references, repeats), policy(ways, &references, 0));
             }
