@@ -4,12 +4,21 @@
 mod clock;
 mod fifo;
 mod lru;
+mod plru;
+pub(crate) mod queues;
 mod random;
+mod s3_fifo;
+mod sieve;
+mod srrip;
 
 pub use clock::{Clock, Clock0};
 pub use fifo::Fifo;
 pub use lru::Lru;
+pub use plru::Plru;
 pub use random::Random;
+pub use s3_fifo::S3Fifo;
+pub use sieve::Sieve;
+pub use srrip::Srrip;
 
 /// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
 /// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
@@ -41,7 +50,7 @@ pub trait Replacement {
 #[macro_export]
 macro_rules! with_policy {
     ($specification:expr, $policy:ident => $body:expr) => {
-        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random, Clock0)
+        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random, Clock0, Srrip, Sieve, S3Fifo, Plru)
     };
     (@match $specification:expr, $policy:ident => $body:expr; $($name:ident),+) => {
         match $specification {
@@ -69,7 +78,7 @@ mod tests {
     const STALLINGS: [u32; 12] = [2, 3, 2, 1, 5, 2, 4, 5, 3, 2, 5, 2];
 
     pub(super) fn geometry(sets: u32, ways: u32) -> Geometry {
-        Geometry { line_bytes: 16, database_lines: 64, sets, ways }
+        Geometry { line_bytes: 16, database_lines: 16384, sets, ways }
     }
 
     /// Per reference whether it missed.
@@ -128,7 +137,18 @@ mod tests {
     #[test]
     fn what_fits_misses_once() {
         let twice: Vec<u32> = (0..16).chain(0..16).collect();
-        for misses in [count::<Lru>, count::<Fifo>, count::<Clock>, count::<Clock0>, count::<Random>] {
+        let all = [
+            count::<Lru>,
+            count::<Fifo>,
+            count::<Clock>,
+            count::<Clock0>,
+            count::<Random>,
+            count::<Srrip>,
+            count::<Sieve>,
+            count::<S3Fifo>,
+            count::<Plru>,
+        ];
+        for misses in all {
             assert_eq!(misses(16, &twice), 16);
         }
     }
@@ -173,11 +193,22 @@ mod tests {
         }
     }
 
+    /// Whether any number of repeated hits gives other misses than none.
+    fn counts<R: Replacement>(ways: u32, references: &[u32]) -> bool {
+        let once = misses_of_repeated::<R>(ways, references, 0);
+        (1..4).any(|repeats| misses_of_repeated::<R>(ways, references, repeats) != once)
+    }
+
+    #[test]
+    fn s3_fifo_counts_repeated_hits() {
+        // Two ways of set 0: 0 is in the small queue, 2 in the main one. Hit once, 0 is evicted for 4; hit more often, it moves to
+        // the main queue, and 2 is evicted.
+        assert!(counts::<S3Fifo>(2, &[0, 0, 2, 4, 0]));
+    }
+
     #[test]
     fn a_policy_that_counts_hits_has_to_declare_it() {
-        let references = [0, 2, 0, 2, 4, 0];
-        let once = misses_of_repeated::<Counting>(2, &references, 0);
-        assert!((1..4).any(|repeats| misses_of_repeated::<Counting>(2, &references, repeats) != once));
+        assert!(counts::<Counting>(2, &[0, 2, 0, 2, 4, 0]));
     }
 
     proptest! {
@@ -186,10 +217,13 @@ mod tests {
             references in prop::collection::vec(0u32..24, 0..300), ways in 1u32..9, repeats in 1usize..4,
         ) {
             let all = [misses_of_repeated::<Lru>, misses_of_repeated::<Fifo>, misses_of_repeated::<Clock>,
-                       misses_of_repeated::<Random>, misses_of_repeated::<Clock0>];
+                       misses_of_repeated::<Random>, misses_of_repeated::<Clock0>, misses_of_repeated::<Srrip>,
+                       misses_of_repeated::<Sieve>];
             for policy in all {
                 prop_assert_eq!(policy(ways, &references, repeats), policy(ways, &references, 0));
             }
+            let (plru, ways) = (misses_of_repeated::<Plru>, ways.next_power_of_two());
+            prop_assert_eq!(plru(ways, &references, repeats), plru(ways, &references, 0));
         }
 
         #[test]

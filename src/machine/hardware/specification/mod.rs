@@ -93,7 +93,7 @@ pub enum MemorySize {
 
 /// Which line of a full set is evicted: the least recently used one, the one that was filled first, the next one that clock's
 /// hand finds unreferenced, or one at random. Lines begin referenced with clock, which is also clock:1, and unreferenced with
-/// clock:0.
+/// clock:0. Newer ones are static re-reference interval prediction, SIEVE, S3-FIFO and tree pseudo-LRU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(transform = with_alias)]
@@ -107,6 +107,11 @@ pub enum Replacement {
     // What follows is newer: the wire has a variant's number, so that others are added at the end.
     #[serde(rename = "clock:0")]
     Clock0,
+    Srrip,
+    Sieve,
+    #[serde(rename = "s3-fifo")]
+    S3Fifo,
+    Plru,
 }
 
 /// The schema's own list has no aliases.

@@ -19,6 +19,12 @@ pub enum Policy {
     #[serde(rename = "clock:0")]
     Clock0,
     Random,
+    Srrip,
+    Sieve,
+    #[value(name = "s3-fifo")]
+    #[serde(rename = "s3-fifo")]
+    S3Fifo,
+    Plru,
     /// The line that is not needed for the longest time to come: the bound of all policies.
     Optimal,
 }
@@ -31,6 +37,10 @@ impl From<specification::Replacement> for Policy {
             specification::Replacement::Clock => Self::Clock,
             specification::Replacement::Random => Self::Random,
             specification::Replacement::Clock0 => Self::Clock0,
+            specification::Replacement::Srrip => Self::Srrip,
+            specification::Replacement::Sieve => Self::Sieve,
+            specification::Replacement::S3Fifo => Self::S3Fifo,
+            specification::Replacement::Plru => Self::Plru,
         }
     }
 }
@@ -44,6 +54,10 @@ impl Policy {
             Self::Clock => Some(specification::Replacement::Clock),
             Self::Clock0 => Some(specification::Replacement::Clock0),
             Self::Random => Some(specification::Replacement::Random),
+            Self::Srrip => Some(specification::Replacement::Srrip),
+            Self::Sieve => Some(specification::Replacement::Sieve),
+            Self::S3Fifo => Some(specification::Replacement::S3Fifo),
+            Self::Plru => Some(specification::Replacement::Plru),
             Self::Optimal => None,
         }
     }
