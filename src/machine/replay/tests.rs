@@ -3,7 +3,7 @@
 use crate::hardware::cluster_memory::{AccessError, ClusterMemory};
 use crate::hardware::local_memory::{Geometry, LineSource, LocalMemory};
 use crate::hardware::references::{Event, RecordNumbers, ReferenceWord};
-use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::hardware::replacement::{Clock, Clock0, Fifo, Lru, Random, Replacement, S3Fifo, Sieve, Srrip};
 use crate::hardware::specification::{self, MemorySize};
 use crate::hardware::stats::MemoryStats;
 use crate::hardware::transaction::FetchRequest;
@@ -126,6 +126,11 @@ fn assert_counts(database: &Verified, trace: &Captured) {
             both::<Fifo>(database, trace, geometry),
             both::<Clock>(database, trace, geometry),
             both::<Random>(database, trace, geometry),
+            both::<Clock0>(database, trace, geometry),
+            both::<Srrip>(database, trace, geometry),
+            both::<Sieve>(database, trace, geometry),
+            // Counts hits that are repeated at once, so that the replay must not leave these out.
+            both::<S3Fifo>(database, trace, geometry),
         ] {
             assert_eq!(live, replayed, "{geometry:?}");
             counted.push(live.total().line_misses);

@@ -8,6 +8,7 @@ pub mod live;
 pub mod miss_classes;
 pub mod next_use;
 pub mod node;
+pub mod objects;
 pub mod optimal;
 pub mod recount;
 pub mod replayer;

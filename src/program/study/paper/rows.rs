@@ -44,7 +44,7 @@ pub fn csv(paper: &Paper) -> String {
         for row in &replaced.rows {
             let at = format!("{},{},{}", row.setting.line, row.setting.nodes, row.setting.local_memory);
             let quantity =
-                format!("{} {:?}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
+                format!("{} {}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
             rows.row(
                 "replacement",
                 &replaced.scene,

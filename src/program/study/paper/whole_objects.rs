@@ -2,7 +2,9 @@
 
 use crate::study::runs::traced::Traced;
 use machine::hardware::references::{RecordNumbers, ReferenceWord};
+use machine::replay::model::objects::{ObjectCache, Request};
 use machine::replay::plan::schedule::TileSchedule;
+use machine::replay::plan::setting::Policy;
 use machine::replay::{Trace, TraceError, parallel};
 use trace::database::{Layout, Section};
 
@@ -49,17 +51,17 @@ impl WholeObjects {
         self.siblings * NODE_BYTES
     }
 
-    /// The object that a record is of; `None` for records that are not counted.
-    fn object(&self, record: u32) -> Option<u32> {
+    /// For the object that a record is of; `None` for records that are not counted.
+    fn request(&self, record: u32) -> Option<Request> {
         match self.numbers.place(record) {
-            (Section::OctreeNodes, index) => Some(index / self.siblings),
-            (section, index) if section == self.section => Some(self.blocks + index),
+            (Section::OctreeNodes, index) => {
+                Some(Request { object: index / self.siblings, bytes: self.node_bytes().into() })
+            }
+            (section, index) if section == self.section => {
+                Some(Request { object: self.blocks + index, bytes: self.object_bytes.into() })
+            }
             _ => None,
         }
-    }
-
-    fn bytes_of(&self, object: u32) -> u32 {
-        if object < self.blocks { self.node_bytes() } else { self.object_bytes }
     }
 
     /// What memories of these capacities count, in bytes: one of each per node.
@@ -72,22 +74,25 @@ impl WholeObjects {
         schedule: &TileSchedule,
         capacities: [u64; 4],
     ) -> Result<[Accesses; 4], TraceError> {
+        let objects = self.blocks + self.others;
         let of_node = |processes: &Vec<Vec<u32>>| {
             let mut sums = [Accesses::default(); 4];
+            let (mut words, mut requests) = (Vec::new(), Vec::new());
             for tiles in processes {
-                let mut memories = capacities.map(|capacity| LruBytes::new(self.blocks + self.others, capacity));
-                let mut words = Vec::new();
-                for &tile in tiles {
-                    for part in traced.tiles()[tile as usize].parts.clone() {
-                        traced.read(part, &mut words)?;
-                        let reads = words.iter().filter(|&&word| ReferenceWord(word).is_read());
-                        for object in reads.filter_map(|&record| self.object(record)) {
-                            for (memory, sum) in memories.iter_mut().zip(&mut sums) {
-                                sum.all += 1;
-                                sum.misses += u64::from(memory.misses(object, |object| self.bytes_of(object)));
-                            }
-                        }
-                    }
+                let mut memories = Vec::new();
+                for capacity in capacities {
+                    memories.push(ObjectCache::new(Policy::Lru, capacity, objects, 0)?);
+                }
+                for part in tiles.iter().flat_map(|&tile| traced.tiles()[tile as usize].parts.clone()) {
+                    traced.read(part, &mut words)?;
+                    let reads = words.iter().filter(|&&word| ReferenceWord(word).is_read());
+                    requests.clear();
+                    requests.extend(reads.filter_map(|&record| self.request(record)));
+                    memories.iter_mut().try_for_each(|memory| memory.requests(&requests))?;
+                }
+                for (sum, memory) in sums.iter_mut().zip(memories) {
+                    sum.all += memory.counters().requests;
+                    sum.misses += memory.counters().misses;
                 }
             }
             Ok::<_, TraceError>(sums)
@@ -103,86 +108,19 @@ impl WholeObjects {
     }
 }
 
-/// Objects in the order of their latest use, as many as there is room for.
-struct LruBytes {
-    capacity: u64,
-    room: u64,
-    /// By object, and last the end of the list: its neighbours, towards the most and the least recently used. An object that is
-    /// absent is its own neighbour.
-    newer: Vec<u32>,
-    older: Vec<u32>,
-}
-
-impl LruBytes {
-    fn new(objects: u32, capacity: u64) -> Self {
-        let alone: Vec<u32> = (0..=objects).collect();
-        Self { capacity, room: capacity, newer: alone.clone(), older: alone }
-    }
-
-    /// References an object: whether it was absent.
-    fn misses(&mut self, object: u32, bytes_of: impl Fn(u32) -> u32) -> bool {
-        let end = self.newer.len() as u32 - 1;
-        let is_absent = self.newer[object as usize] == object;
-        if is_absent {
-            let bytes = u64::from(bytes_of(object));
-            if bytes > self.capacity {
-                return true;
-            }
-            while self.room < bytes {
-                let oldest = self.newer[end as usize];
-                self.take_out(oldest);
-                self.room += u64::from(bytes_of(oldest));
-            }
-            self.room -= bytes;
-        } else {
-            self.take_out(object);
-        }
-        let newest = self.older[end as usize];
-        (self.newer[newest as usize], self.older[object as usize]) = (object, newest);
-        (self.newer[object as usize], self.older[end as usize]) = (end, object);
-        is_absent
-    }
-
-    fn take_out(&mut self, object: u32) {
-        let (newer, older) = (self.newer[object as usize], self.older[object as usize]);
-        (self.older[newer as usize], self.newer[older as usize]) = (older, newer);
-        (self.newer[object as usize], self.older[object as usize]) = (object, object);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_least_recently_used_objects_make_room() {
-        // Objects 0 to 2 have one byte, 3 and 4 have three.
-        let bytes = |object: u32| if object < 3 { 1 } else { 3 };
-        let mut memory = LruBytes::new(5, 4);
-        let misses: Vec<bool> = [0, 1, 2, 0, 3, 0, 1, 3, 4, 4].map(|object| memory.misses(object, bytes)).to_vec();
-        // 3 needs three bytes: 1 and 2 go, 0 stays. Then 1 needs one: 3 goes, used longest ago. 3 comes back for 0 (and not for 1: three
-        // bytes are free after it). 4 then needs all of it but one byte: 1 stays.
-        assert_eq!(misses, [true, true, true, false, true, false, true, true, true, false]);
-    }
-
-    #[test]
-    fn agrees_with_a_list() {
-        let bytes = |object: u32| 1 + object * 7 % 13;
-        for capacity in [0, 5, 12, 40, 100, 1000] {
-            let (mut memory, mut list) = (LruBytes::new(40, capacity), Vec::<u32>::new());
-            for object in (0..4000u32).map(|i| (i.wrapping_mul(0x9E37_79B1) >> 16) % 40 * (i % 3) / 2) {
-                let known = list.iter().position(|&other| other == object);
-                if let Some(place) = known {
-                    list.remove(place);
-                }
-                if u64::from(bytes(object)) <= capacity {
-                    list.push(object);
-                    while list.iter().map(|&object| u64::from(bytes(object))).sum::<u64>() > capacity {
-                        list.remove(0);
-                    }
-                }
-                assert_eq!(memory.misses(object, bytes), known.is_none(), "{capacity}");
-            }
-        }
+    fn octree_nodes_are_copied_with_their_siblings_and_other_records_are_not_counted() {
+        // Two blocks of octree words, one leaf list entry, three triangles.
+        let layout = Layout::new([16, 1, 3, 0, 0, 0, 0, 0, 0]).expect("small");
+        let objects = WholeObjects::new(&layout, 300, 8);
+        assert_eq!(objects.bytes(), 2 * 32 + 3 * 300);
+        let request = |object, bytes| Some(Request { object, bytes });
+        let of = |record| objects.request(record);
+        assert_eq!([of(0), of(7), of(8), of(15)], [request(0, 32), request(0, 32), request(1, 32), request(1, 32)]);
+        assert_eq!([of(16), of(17), of(19)], [None, request(2, 300), request(4, 300)]);
     }
 }
