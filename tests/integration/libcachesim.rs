@@ -1,8 +1,8 @@
 //! Every policy that libCacheSim has misses as often as libCacheSim's: `pip install libcachesim==0.3.5`.
 //!
-//! What differs on purpose, by its source of October 2024 (the package's is newer): with fewer than 20 lines S3-FIFO places nothing
-//! there (S3FIFO.c:284 returns where an object is not smaller than the small queue, which has one line or none), and the package
-//! ends with an error below 10. Its random replacement cannot be compared: it is not seeded.
+//! What differs on purpose: with fewer than 20 lines S3-FIFO places nothing there (S3FIFO.c:284 of its revision aa0fc40 returns where an
+//! object is not smaller than the small queue, which has one line or none), and the package ends with an error below 10. That revision
+//! is older than the package, whose first lines go into the main queue when the small one is full. Its random replacement cannot be compared: it is not seeded.
 
 use std::path::{Path, PathBuf};
 

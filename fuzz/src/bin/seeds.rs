@@ -60,7 +60,7 @@ impl Seeds<'_> {
             "run t.toml --out o --set cluster.nodes=9 --aov depth,normal --verify --chaos random(3) --listen 1.2.3.4:5",
             "render teapot:12 -o a.png --size 640x480 --threads 2 --depth 0 --cutoff 0.01 --mailbox off --simd avx2",
             "replay o --local-memory 1/32..1/4,all --line 16..256 --ways 1..8,full --replacement lru,optimal --nodes 1..64x2",
-            "replay o --clusters 1,2 --tile-order morton --bus-width 1..64 --arbiter fifo,round_robin:4 --format csv",
+            "replay o --replacement clock:0,s3-fifo,optimal --clusters 1,2 --tile-order morton --bus-width 1..64 --arbiter fifo,round_robin:4 --format csv",
             "study sweep t.toml --set a.b=1 --local-memory 1/32..1/4 --nodes 4,9 --timings",
             "keys new k --days 7",
         ];

@@ -449,6 +449,8 @@ mod tests {
                 "'4 KiB'",
                 "64",
                 "'random'",
+                "'clock:0'",
+                "'s3-fifo'",
                 "'round_robin'",
                 "'morton'",
                 "'soft'",

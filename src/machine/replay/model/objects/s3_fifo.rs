@@ -7,7 +7,8 @@ use crate::hardware::replacement::queues::Queues;
 /// A small queue of a tenth of the bytes, a main queue of the rest, and a ghost queue that remembers objects of nine tenths.
 ///
 /// As in libCacheSim's S3FIFO.c, only objects that are smaller than the small queue are placed in it: no other is ever placed.
-/// For one that is exactly as large as the small queue, objects are evicted all the same. A cache of fewer than 10 bytes, with which
+/// For one that is exactly as large as the small queue, objects are evicted all the same (S3FIFO.c:481 of its revision aa0fc40
+/// admits it, S3FIFO.c:284 does not place it). A cache of fewer than 10 bytes, with which
 /// libCacheSim ends with an error, has no small queue and places nothing but what has no bytes.
 pub(super) struct S3Fifo {
     capacity: u64,
