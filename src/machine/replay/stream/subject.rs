@@ -1,11 +1,11 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
-use crate::hardware::local_memory::{Geometry, GeometryError, LINE_BYTES_MAX};
+use crate::hardware::local_memory::{Geometry, GeometryError};
 use crate::hardware::references::RecordNumbers;
 use crate::hardware::specification::{Bus, Cluster, LocalMemory, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
-use crate::replay::importers::{Imported, TableLines};
+use crate::replay::importers::{Imported, LINE_BYTES_MAX, TableLines};
 use crate::replay::{Lines, RecordLines, Trace};
 use crate::tile_order;
 use crate::tile_order::TileOrder;

@@ -3,14 +3,16 @@
 mod contention;
 mod curve;
 mod export;
+mod import;
 mod origins;
 mod to_bus;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use self::export::Export;
+use self::import::ImportArguments;
 use self::origins::HeatMap;
 use self::to_bus::ToBus;
 use super::grid_options::{GridOptions, SETTINGS};
@@ -19,8 +21,8 @@ use super::{Failure, output_path, print};
 use cluster::topology::recorded::open_references;
 use ground::outlet;
 use ground::progress::Parts;
+use machine::hardware::local_memory::{Geometry, LINE_BYTES_MAX};
 use machine::recording::references::Opened;
-use machine::replay::importers::{self, Imported};
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
 use machine::replay::plan::setting::Setting;
 use machine::replay::stream::subject::Subject;
@@ -31,12 +33,14 @@ use machine::replay::stream::subject::Subject;
 /// is simulated. What is not given stays as recorded.
 #[derive(Clone, Debug, Args)]
 pub struct ReplayArguments {
-    /// Folder of a run with `--record references`; or a trace of others: a file ending in .din, .csv or .oracleGeneral
+    /// Folder of a run with `--record references`; or a trace of others: a file, or - for standard input
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
     #[command(flatten)]
     question: Question,
+    #[command(flatten)]
+    import: ImportArguments,
     #[command(flatten)]
     to_bus: ToBus,
     /// How tables are printed
@@ -111,17 +115,22 @@ impl ReplayArguments {
 
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     arguments.check_output()?;
+    let is_imported = arguments.import.are_for(&arguments.recording);
+    if !is_imported || arguments.to_bus.is_asked() {
+        arguments.import.check_absent()?;
+    }
     if arguments.to_bus.is_asked() {
         return arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format);
     }
-    if arguments.recording.is_file() {
-        return replay_imported(arguments, &import(&arguments.recording)?);
+    if is_imported {
+        return replay_imported(arguments);
     }
     let Opened { recording, faults } =
         open_references(&arguments.recording).map_err(|error| Failure::bad_input(error.to_string()))?;
     let damage = damage(&faults, arguments.partial)?;
     let settings =
         arguments.settings(Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order))?;
+    check_lines(&settings)?;
     let (question, format) = (&arguments.question, arguments.format);
     match (question.origins, question.heat_map, question.export, &arguments.output) {
         (true, ..) => origins::print_origins(&recording, &settings, format)?,
@@ -132,40 +141,28 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     print_approximate(damage.as_deref(), format)
 }
 
+/// Recordings have lines of as many bytes as live memories.
+fn check_lines(settings: &[Setting]) -> Result<(), Failure> {
+    let checked = settings.iter().try_for_each(|setting| Geometry::check_line(setting.line, LINE_BYTES_MAX));
+    checked.map_err(|error| Failure::bad_input(format!("--line: {error}")))
+}
+
 /// What a trace without tiles and rays can answer.
-fn replay_imported(arguments: &ReplayArguments, imported: &Imported) -> Result<(), Failure> {
+fn replay_imported(arguments: &ReplayArguments) -> Result<(), Failure> {
     let Question { origins, heat_map, export, .. } = &arguments.question;
     if *origins || heat_map.is_some() || export.is_some() {
         return Err(Failure::bad_input("a trace of others has no tiles, rays or sections: expected a recording"));
+    }
+    if arguments.partial {
+        return Err(Failure::bad_input("--partial: a trace of others is read whole, expected a recording"));
     }
     let settings = arguments.settings(Setting::imported())?;
     if settings.iter().any(|setting| setting.all_nodes() > 1) {
         return Err(Failure::bad_input("a trace of others is that of one node: expected one node and one cluster"));
     }
-    arguments.print(imported, &settings, None)
-}
-
-fn import(path: &Path) -> Result<Imported, Failure> {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    let imported = match extension.as_deref() {
-        Some("din") => importers::import(path, importers::din::read),
-        Some("csv") => importers::import(path, importers::csv::read),
-        Some("oraclegeneral") => importers::import(path, importers::oracle_general::read),
-        _ => {
-            return Err(Failure::bad_input(format!(
-                "{}: expected the folder of a run, or a file ending in .din, .csv or .oracleGeneral",
-                path.display()
-            )));
-        }
-    };
-    let imported = imported?;
-    if imported.writes > 0 {
-        outlet::say(format_args!("note: {} writes count as reads", imported.writes));
-    }
-    if imported.left_out > 0 {
-        outlet::say(format_args!("note: {} references to nothing, of size 0, are left out", imported.left_out));
-    }
-    Ok(imported)
+    let line_bytes = settings.iter().map(|setting| setting.line).min().unwrap_or(Setting::imported().line);
+    let imported = arguments.import.import(&arguments.recording, line_bytes)?;
+    arguments.print(&imported, &settings, None)
 }
 
 impl ReplayArguments {
