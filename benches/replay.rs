@@ -33,11 +33,11 @@ fn main() {
     let turns = std::env::args().skip(1).find_map(|argument| argument.parse().ok()).unwrap_or(5).max(1);
     let (trace, lines, geometry) = teapot();
     let tiles: Vec<u32> = (0..trace.tiles().len() as u32).collect();
-    let size = geometry.lines();
+    let size = geometry.lines() as u32;
 
     let mut counted = Counters::default();
     let mut points = 0;
-    let optima = [size / 2, size, size * 2, size * 4].map(|ways| Geometry { ways, ..geometry });
+    let optima = [size / 2, size, size * 2, size * 4].map(|ways| Geometry { ways: ways.into(), ..geometry });
     let mut optimum = 0;
     let mut measured = [
         Measured::new("decoding alone"),

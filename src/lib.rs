@@ -112,7 +112,7 @@ pub mod picture {
 /// What a [`Scene`] is made of, and where it comes from.
 pub mod scene {
     pub use trace::scene::placement::Unplaceable;
-    pub use trace::scene::procedural::{Kind, KindError, Procedural, SizeError};
+    pub use trace::scene::procedural::{Board, BoardError, Kind, KindError, Procedural, SizeError};
     pub use trace::scene::{
         Camera, Cone, Light, Material, Placement, Polygon, SourceError, Sphere, UpAxis, Warning, Warnings, load,
     };

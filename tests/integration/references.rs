@@ -13,8 +13,10 @@ use crate::faults::Running;
 use crate::processes::signal;
 
 /// What a row of a replay and the memory of a report both say.
-const COUNTS: [&str; 9] = [
+const COUNTS: [&str; 11] = [
     "local_bytes",
+    "sets",
+    "lines_per_set",
     "record_accesses",
     "misses",
     "line_accesses",
@@ -52,8 +54,13 @@ fn assert_checked(report: &Value, about: &str) {
 
 #[test]
 fn replay_equals_live() {
-    let topologies: [&[&str]; 8] = [
+    let topologies: [&[&str]; 11] = [
         &[],
+        // Larger than the database, in sets that do not divide it.
+        &["cluster.local_memory.size=64 MiB", "cluster.local_memory.ways=7", "cluster.nodes=1"],
+        &["cluster.local_memory.size=1 MiB", "cluster.local_memory.ways=1", "cluster.local_memory.line=16"],
+        // Several clusters, whose nodes are numbered one after the other.
+        &["cluster.count=3", "cluster.nodes=2", "cluster.local_memory.ways=2"],
         &["cluster.local_memory.size=1/32", "cluster.local_memory.ways=4", "cluster.nodes=3"],
         &[
             "cluster.local_memory.size=4 KiB",

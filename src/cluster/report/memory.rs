@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::ratio;
+use machine::hardware::local_memory::MemoryShape;
 use machine::hardware::stats::{Counters, MemoryStats, octree_class};
 use trace::database::Section;
 use trace::database::records::LEVELS;
@@ -21,8 +22,8 @@ pub struct Memory {
     pub words_read: u64,
     pub words_moved: u64,
     pub words_moved_per_word_read: f64,
-    /// Bytes of one node's local memory, resolved.
-    pub local_bytes: u64,
+    #[serde(flatten)]
+    pub shape: MemoryShape,
     pub line_bytes: u32,
     pub by_section: Vec<SectionCounts>,
     /// Octree nodes, from the root's level to the deepest one accessed.
@@ -75,7 +76,7 @@ pub struct NodeMemory {
 }
 
 impl Memory {
-    pub fn new(stats: &MemoryStats, line_bytes: u32, local_bytes: u64) -> Self {
+    pub fn new(stats: &MemoryStats, line_bytes: u32, shape: MemoryShape) -> Self {
         let total = stats.total();
         let (words_read, words_moved) = (stats.words_read(), stats.words_moved(line_bytes));
         Self {
@@ -87,7 +88,7 @@ impl Memory {
             words_read,
             words_moved,
             words_moved_per_word_read: ratio(words_moved as f64, words_read as f64),
-            local_bytes,
+            shape,
             line_bytes,
             by_section: by_section(stats),
             by_octree_level: by_octree_level(stats),
@@ -165,7 +166,7 @@ mod tests {
 
     #[test]
     fn sums_and_ratios_are_those_worked_by_hand() {
-        let memory = Memory::new(&fixture::memory_stats(), 32, 8192);
+        let memory = Memory::new(&fixture::memory_stats(), 32, fixture::SHAPE);
         assert_eq!((memory.record_accesses, memory.misses), (100 + 300 + 50 + 40, 1 + 30 + 9 + 10));
         assert_eq!((memory.line_accesses, memory.line_misses), (530, 55));
         assert_eq!((memory.words_read, memory.words_moved), (450 + 40 * 10, 55 * 8));
@@ -176,7 +177,7 @@ mod tests {
 
     #[test]
     fn every_way_to_cut_the_counts_has_the_same_sum() {
-        let memory = Memory::new(&fixture::memory_stats(), 32, 8192);
+        let memory = Memory::new(&fixture::memory_stats(), 32, fixture::SHAPE);
         let levels: Vec<_> = memory.by_octree_level.iter().map(|l| (l.level, l.counts.record_accesses)).collect();
         assert_eq!(levels, [(0, 100), (1, 0), (2, 350)]);
         let sections: u64 = memory.by_section.iter().map(|s| s.counts.misses).sum();
@@ -188,7 +189,7 @@ mod tests {
 
     #[test]
     fn nothing_counted_gives_no_nan() {
-        let memory = Memory::new(&MemoryStats::default(), 64, 0);
+        let memory = Memory::new(&MemoryStats::default(), 64, fixture::SHAPE);
         assert_eq!((memory.misses_per_record_access, memory.words_moved_per_word_read), (0.0, 0.0));
         assert!(memory.by_octree_level.is_empty());
     }

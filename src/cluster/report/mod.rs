@@ -28,7 +28,7 @@ use trace::tracer::simd::Simd;
 use trace::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
-pub const SCHEMA_VERSION: u32 = 2;
+pub const SCHEMA_VERSION: u32 = 3;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -332,8 +332,12 @@ pub(crate) mod fixture {
     //! A report with every part present, its numbers worked by hand.
 
     use super::*;
+    use machine::hardware::local_memory::MemoryShape;
     use machine::hardware::stats::{Counters, MemoryStats, octree_class, section_class};
     use trace::database::Section;
+
+    /// 64 sets of four ways.
+    pub(crate) const SHAPE: MemoryShape = MemoryShape { local_bytes: 8192, sets: 64, lines_per_set: 4 };
 
     /// 32-byte lines, two nodes with the same counts each.
     pub(crate) fn memory_stats() -> MemoryStats {
@@ -400,7 +404,7 @@ pub(crate) mod fixture {
             tests: Some(Tests { primitive: 12_345, mailbox_skips: 678 }),
             tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0, ..Tiles::default() }),
             nodes: vec![node(0), node(1)],
-            memory: Some(Memory::new(&all, 32, 8192)),
+            memory: Some(Memory::new(&all, 32, SHAPE)),
             bus: Some(Bus {
                 transactions: 120,
                 fetches: 103,

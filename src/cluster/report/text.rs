@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Write};
 
 use super::{Kernel, Report, Status, Verification, incident};
+use machine::hardware::local_memory::MemoryShape;
 
 /// Several lines, each with a name in front.
 pub fn summary(report: &Report) -> String {
@@ -133,9 +134,10 @@ fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
             out,
             "memory",
             format_args!(
-                "{} a node in lines of {} bytes: {:.3}% of {} record accesses hit, {:.3}% of {} line accesses",
-                Bytes(memory.local_bytes),
+                "{} a node in lines of {} bytes{}: {:.3}% of {} record accesses hit, {:.3}% of {} line accesses",
+                Bytes(memory.shape.local_bytes),
                 memory.line_bytes,
+                sets(memory.shape),
                 100.0 * memory.hit_rate(),
                 Grouped(memory.record_accesses),
                 100.0 * (1.0 - super::ratio(memory.line_misses as f64, memory.line_accesses as f64)),
@@ -213,6 +215,11 @@ impl Display for Grouped {
     }
 }
 
+/// Nothing where there is one: a fully associative memory.
+fn sets(shape: MemoryShape) -> String {
+    if shape.sets == 1 { String::new() } else { format!(", {} sets of {} ways", shape.sets, shape.lines_per_set) }
+}
+
 /// Bytes in the binary unit that leaves one to four digits.
 struct Bytes(u64);
 
@@ -245,7 +252,7 @@ mod tests {
             "12,345 of primitives, 678 saved by the mailbox",
             "5,600: 3,072 primary, 2,000 shadow, 500 reflection, 28 refraction; 2,800/s",
             "4 of 5 by 2 nodes, 1 issued again",
-            "8.0 KiB a node in lines of 32 bytes: 89.796% of 980 record accesses hit",
+            "8.0 KiB a node in lines of 32 bytes, 64 sets of 4 ways: 89.796% of 980 record accesses hit",
             "0.102041 misses a record access, 0.517647 words moved a word read",
             "103 fetches, 3.5 KiB of data",
             "all 1 checks hold",

@@ -18,7 +18,7 @@ use machine::hardware::specification::{self, MemorySize, Replacement, Transactio
 use machine::tile_order::{Assignment, TileOrder};
 use trace::picture::{ImageSettings, Terminator};
 use trace::scene::UpAxis;
-use trace::scene::procedural::Kind;
+use trace::scene::procedural::{Board, Kind};
 
 /// A topology of marti: what is rendered, by how many processing nodes, through how much local memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -99,6 +99,9 @@ pub struct Scene {
     /// Size factor of the procedural scene, in its kind's range; default: its kind's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<ProceduralSize>,
+    /// What a procedural teapot stands on; default: "squares".
+    #[serde(deserialize_with = "some_name", skip_serializing_if = "Option::is_none")]
+    pub board: Option<Board>,
     /// Linear RGB where a ray hits nothing; default: the scene's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub background: Option<[Channel; 3]>,

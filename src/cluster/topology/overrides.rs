@@ -28,8 +28,8 @@ impl Override {
     pub(super) fn displaces(&self) -> &'static [&'static str] {
         match self.key.iter().map(String::as_str).collect::<Vec<_>>()[..] {
             ["scene"] => &["camera", "light"],
-            ["scene", "file"] => &["camera", "light", "scene.procedural", "scene.size", "scene.up"],
-            ["scene", "procedural"] => &["camera", "light", "scene.file", "scene.size", "scene.up"],
+            ["scene", "file"] => &["camera", "light", "scene.procedural", "scene.size", "scene.board", "scene.up"],
+            ["scene", "procedural"] => &["camera", "light", "scene.file", "scene.size", "scene.board", "scene.up"],
             _ => &[],
         }
     }
@@ -122,7 +122,7 @@ mod tests {
     use trace::preparation::ViewChoices;
     use trace::scene::SceneSource;
     use trace::scene::SourceError;
-    use trace::scene::procedural::{Kind, Procedural};
+    use trace::scene::procedural::{Board, Kind, Procedural};
 
     const FILE: &str = "\
         scene = { procedural = 'teapot', size = 3 }\n\
@@ -184,7 +184,10 @@ mod tests {
             assert_eq!(topology.view, ViewChoices::default());
         }
         let gears = read_well(&["scene.procedural=gears"]);
-        assert_eq!(gears.scene, SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 4 }));
+        assert_eq!(
+            gears.scene,
+            SceneSource::Procedural(Procedural { kind: Kind::Gears, size: 4, board: Board::Squares })
+        );
         assert_eq!(gears.view, ViewChoices::default());
         let smaller = read_well(&["scene.size=2"]);
         assert_eq!(

@@ -13,6 +13,7 @@ use machine::hardware::specification::{Arbiter, Bus, Cluster, LocalMemory, Memor
 use trace::picture::ImageSettings;
 use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
+use trace::scene::procedural::Procedural;
 use trace::scene::{Light, SourceError};
 use trace::tracer::octree::Octree;
 
@@ -92,6 +93,10 @@ fn source(path: &Path, written: &file::Scene, document: &Document<'_>) -> Result
             let what = "scene.size has no meaning for a file, expected it with scene.procedural only";
             Err(document.error(&["scene.size"], what))
         }
+        (Some(_), None) if written.board.is_some() => {
+            let what = "scene.board has no meaning for a file, expected it with scene.procedural = \"teapot\" only";
+            Err(document.error(&["scene.board"], what))
+        }
         (Some(file), None) if file.is_empty() => {
             Err(document.error(&["scene.file"], "scene.file is empty, expected the path of an .nff or .obj file"))
         }
@@ -99,8 +104,13 @@ fn source(path: &Path, written: &file::Scene, document: &Document<'_>) -> Result
             let folder = path.parent().filter(|_| !document.is_overridden("scene.file"));
             Ok(SceneSource::File(folder.map_or_else(|| PathBuf::from(file), |folder| folder.join(file))))
         }
-        (None, Some(kind)) => SceneSource::procedural(kind, written.size.map(|size| size.0))
-            .map_err(|what| document.error(&["scene.size", "scene.procedural"], format!("scene.size: {what}"))),
+        (None, Some(kind)) => {
+            let scene = Procedural::new(kind, written.size.map(|size| size.0))
+                .map_err(|what| document.error(&["scene.size", "scene.procedural"], format!("scene.size: {what}")))?;
+            let scene = written.board.map_or(Ok(scene), |board| scene.on(board));
+            let refused = |what| document.error(&["scene.board"], format!("scene.board: {what}"));
+            scene.map(SceneSource::Procedural).map_err(refused)
+        }
     }
 }
 

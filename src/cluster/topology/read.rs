@@ -89,6 +89,18 @@ mod tests {
                 "[scene]\nprocedural = 'balls'\nsize = 8",
                 "3:8: scene.size: balls of size 8: not made, it would be 48427563 triangles or spheres, expected a size from 1 to 7",
             ),
+            (
+                "[scene]\nfile = 'a.nff'\nboard = 'none'",
+                "3:9: scene.board has no meaning for a file, expected it with scene.procedural = \"teapot\" only",
+            ),
+            (
+                "[scene]\nprocedural = 'gears'\nboard = 'squares'",
+                "3:9: scene.board: gears has no board, expected teapot",
+            ),
+            (
+                "[scene]\nprocedural = 'teapot'\nboard = 'square'",
+                "3:9: scene.board is 'square', expected one of squares, none; did you mean squares?",
+            ),
             ("[scene]\nfile = ''", "2:8: scene.file is empty, expected the path of an .nff or .obj file"),
             ("[scene]\nfile = 12", "2:8: scene.file is 12, expected a string"),
             ("image = [512, 512]\nscene.procedural = 'gears'", "1:9: image is [512, 512], expected a table"),
@@ -370,6 +382,7 @@ mod tests {
             "scene.file",
             "scene.procedural",
             "scene.size",
+            "scene.board",
             "scene.background",
             "scene.up",
             "camera.from",

@@ -7,6 +7,7 @@ use super::prove::is_folders_name;
 use super::value::{ProceduralSize, Size};
 use super::{Override, Topology};
 use machine::hardware::specification::MemorySize;
+use trace::scene::procedural::Board;
 use trace::scene::source::Source;
 use trace::scene::{SceneSource, SourceError};
 
@@ -24,6 +25,7 @@ impl Topology {
                 SceneSource::Procedural(procedural) => Scene {
                     procedural: Some(procedural.kind),
                     size: Some(ProceduralSize(procedural.size)),
+                    board: Some(procedural.board).filter(|board| *board != Board::Squares),
                     ..Scene::default()
                 },
             },
@@ -57,6 +59,7 @@ mod tests {
             ("scenes/house.obj", "house"),
             ("../a b.nff", "a b"),
             ("teapot", "teapot"),
+            ("teapot:3:no-board", "teapot"),
             ("..nff", "scene"),
         ] {
             let source: SceneSource = scene.parse().expect(scene);

@@ -13,6 +13,7 @@ use super::{Image, Run, Topology};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, Processor};
 use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
+use trace::scene::procedural::Board;
 use trace::tracer::octree::Octree;
 
 impl Topology {
@@ -50,6 +51,8 @@ fn scene(source: &SceneSource, view: &ViewChoices) -> file::Scene {
         SceneSource::Procedural(procedural) => {
             scene.procedural = Some(procedural.kind);
             scene.size = Some(ProceduralSize(procedural.size));
+            // Few scenes have one.
+            scene.board = Some(procedural.board).filter(|board| *board != Board::Squares);
         }
     }
     scene

@@ -36,7 +36,9 @@ pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     let topology = subject::topology(&arguments.topology, &arguments.set)?;
     let subject = match &topology.scene {
         // It takes its time, and nothing can be wrong with it.
-        SceneSource::Procedural(Procedural { kind, size }) if *size > kind.default_size() => Subject::unseen(&topology),
+        SceneSource::Procedural(Procedural { kind, size, .. }) if *size > kind.default_size() => {
+            Subject::unseen(&topology)
+        }
         _ => topology.prepare().map(Subject::from),
     };
     let subject = subject.map_err(|error| match error {

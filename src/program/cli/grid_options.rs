@@ -2,7 +2,8 @@
 
 use clap::Args;
 
-use super::lists::{BusWidth, LineBytes, List, NodeCount, Size, WayCount, arbiter};
+use super::lists::{BusWidth, CycleCount, LineBytes, List, NodeCount, Size, WayCount, WordCycles, arbiter};
+use machine::hardware::specification::Transactions;
 use machine::replay::plan::grid::Grid;
 use machine::replay::plan::setting::{ArbiterName, Assignment, Policy};
 use machine::tile_order::TileOrder;
@@ -40,6 +41,32 @@ pub(in crate::cli) struct GridOptions {
     /// Who is granted the bus: fifo, round_robin, round_robin:QUANTUM, fixed_priority
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = arbiter)]
     arbiter: Vec<ArbiterName>,
+    /// Whether the bus is free while the cluster memory looks for data
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = transactions)]
+    transactions: Vec<Transactions>,
+    /// Cycles of the cluster memory before the first word of data; ranges double
+    #[arg(long, value_name = "LIST")]
+    latency: Option<List<CycleCount>>,
+    /// Cycles in which a word crosses the bus; ranges double
+    #[arg(long, value_name = "LIST")]
+    cycles_per_word: Option<List<WordCycles>>,
+    /// Cycles of a step to an octree node; ranges double
+    #[arg(long, value_name = "LIST")]
+    octree_node: Option<List<CycleCount>>,
+    /// Cycles of a ray against a triangle, sphere or cone; ranges double
+    #[arg(long, value_name = "LIST")]
+    primitive_test: Option<List<CycleCount>>,
+    /// Cycles of a surface that light falls on; ranges double
+    #[arg(long, value_name = "LIST")]
+    shading: Option<List<CycleCount>>,
+    /// Cycles of a record that is read from local memory, on top of what is done with it; ranges double
+    #[arg(long, value_name = "LIST")]
+    local_access: Option<List<CycleCount>>,
+}
+
+fn transactions(text: &str) -> Result<Transactions, String> {
+    let found = [Transactions::Locked, Transactions::Split].into_iter().find(|one| one.to_string() == text);
+    found.ok_or_else(|| "expected locked or split".to_owned())
 }
 
 fn tile_order(text: &str) -> Result<TileOrder, String> {
@@ -48,8 +75,8 @@ fn tile_order(text: &str) -> Result<TileOrder, String> {
     found.ok_or_else(|| "expected scanline, morton or random".to_owned())
 }
 
-/// Columns of a row that are settings.
-pub(super) const SETTINGS: [&str; 10] = [
+/// Columns of a row that are settings, or follow from one.
+pub(super) const SETTINGS: [&str; 21] = [
     "local_memory",
     "line",
     "ways",
@@ -60,6 +87,51 @@ pub(super) const SETTINGS: [&str; 10] = [
     "assignment",
     "bus_width",
     "arbiter",
+    "transactions",
+    "latency",
+    "cycles_per_word",
+    "octree_node",
+    "primitive_test",
+    "shading",
+    "local_access",
+    "local_bytes",
+    "sets",
+    "lines_per_set",
+    "node",
+];
+
+/// Those of [`SETTINGS`] that decide nothing but times.
+pub(super) const TIMES: [&str; 9] = [
+    "bus_width",
+    "arbiter",
+    "transactions",
+    "latency",
+    "cycles_per_word",
+    "octree_node",
+    "primitive_test",
+    "shading",
+    "local_access",
+];
+
+/// What says nothing of a trace that came from elsewhere: it is of one node, has no tiles, and its words are not known.
+pub(super) const OF_RECORDINGS: [&str; 17] = [
+    "nodes",
+    "clusters",
+    "tile_order",
+    "assignment",
+    "node",
+    "words_read",
+    "words_moved_per_word_read",
+    "exact",
+    TIMES[0],
+    TIMES[1],
+    TIMES[2],
+    TIMES[3],
+    TIMES[4],
+    TIMES[5],
+    TIMES[6],
+    TIMES[7],
+    TIMES[8],
 ];
 
 impl GridOptions {
@@ -78,15 +150,23 @@ impl GridOptions {
             assignment: self.assignment.clone(),
             bus_width: values(&self.bus_width, |width| width.0),
             arbiter: self.arbiter.iter().map(|arbiter| arbiter.0).collect(),
+            transactions: self.transactions.clone(),
+            latency: values(&self.latency, |cycles| cycles.0),
+            cycles_per_word: values(&self.cycles_per_word, |cycles| cycles.0),
+            octree_node: values(&self.octree_node, |cycles| cycles.0),
+            primitive_test: values(&self.primitive_test, |cycles| cycles.0),
+            shading: values(&self.shading, |cycles| cycles.0),
+            local_access: values(&self.local_access, |cycles| cycles.0),
         }
     }
 
-    pub(super) fn has_nodes(&self) -> bool {
-        self.nodes.is_some()
-    }
-
-    /// What decides nothing but times.
-    pub(in crate::cli) fn varies_bus(&self) -> bool {
-        self.bus_width.is_some() || !self.arbiter.is_empty()
+    /// Whether anything is varied that decides nothing but times.
+    pub(in crate::cli) fn varies_times(&self) -> bool {
+        let cycles = [&self.latency, &self.octree_node, &self.primitive_test, &self.shading, &self.local_access];
+        self.bus_width.is_some()
+            || self.cycles_per_word.is_some()
+            || !self.arbiter.is_empty()
+            || !self.transactions.is_empty()
+            || cycles.iter().any(|list| list.is_some())
     }
 }

@@ -1,15 +1,18 @@
 //! `marti inspect SCENE`
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::options::OctreeOptions;
-use super::{Failure, print};
+use super::{Failure, output_path, print};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
 use cluster::report::{Bounds, Camera};
+use ground::atomic_file;
 use trace::database::Section;
 use trace::database::verify::Verified;
 use trace::picture::ImageSettings;
@@ -25,12 +28,21 @@ pub struct InspectArguments {
     pub scene: SceneSource,
     #[command(flatten)]
     octree: OctreeOptions,
+    /// Write the database's bytes to a file, as they are in cluster memory (docs/model.md)
+    #[arg(long, value_name = "FILE")]
+    database: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
+    if let Some(file) = &arguments.database {
+        output_path::check(file)?;
+        if let SceneSource::File(scene) = &arguments.scene {
+            output_path::check_apart(&[("--database", file)], &[scene])?;
+        }
+    }
     let octree = arguments.octree.octree(Octree::DEFAULT);
     let scene = arguments.scene.load()?;
     let image = |defaults: &ImageDefaults| {
@@ -40,6 +52,10 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
     let (database, warnings) = preparation::build(&arguments.scene, scene, octree)?;
     scene_warnings::show(warnings.iter().chain(&chosen.warnings));
+    if let Some(file) = &arguments.database {
+        atomic_file::write(file, |out| out.write_all(database.database().bytes()))
+            .map_err(|error| Failure::failed(error.to_string()))?;
+    }
     let inspection = Inspection::of(arguments.scene.to_string(), &chosen, &database);
     if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;

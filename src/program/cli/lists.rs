@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use cluster::topology::value::{Nodes, Quantum, Ways, Width};
+use cluster::topology::value::{Cycles, CyclesPerWord, Nodes, Quantum, Ways, Width};
 use machine::hardware::specification::{Arbiter, MemorySize};
 use machine::replay::plan::setting::ArbiterName;
 
@@ -144,6 +144,10 @@ integers! {
     LineBytes(u32): ImportedLine, |line, factor| line.checked_mul(factor.unwrap_or(2));
     /// Bytes of a bus word. Ranges double.
     BusWidth(u32): Width, |width, factor| width.checked_mul(factor.unwrap_or(2));
+    /// Cycles. Ranges double; from 0 on there is no next one.
+    CycleCount(u32): Cycles, |cycles, factor| cycles.checked_mul(factor.unwrap_or(2)).filter(|&next| next > cycles);
+    /// Cycles in which a word crosses the bus. Ranges double.
+    WordCycles(u32): CyclesPerWord, |cycles, factor| cycles.checked_mul(factor.unwrap_or(2));
 }
 
 /// Lines of a set, or `full`. Ranges double.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Failure, output_path};
-use trace::scene::procedural::{self, Kind, WriteError};
+use trace::scene::procedural::{self, Board, Kind, WriteError};
 
 /// Write a procedural scene as an NFF file
 #[derive(Clone, Debug, Args)]
@@ -15,6 +15,9 @@ pub struct SceneArguments {
     /// Size factor, how finely or how often the scene is divided [default: its kind's]
     #[arg(long, value_name = "N")]
     pub size: Option<u32>,
+    /// What a teapot stands on [default: squares]
+    #[arg(long, value_name = "squares|none")]
+    pub board: Option<Board>,
     /// File to write [default: standard output]
     #[arg(long, short, value_name = "FILE.nff")]
     pub output: Option<PathBuf>,
@@ -22,8 +25,10 @@ pub struct SceneArguments {
 
 pub(super) fn scene(arguments: &SceneArguments) -> Result<(), Failure> {
     arguments.output.iter().try_for_each(|file| output_path::check(file))?;
-    procedural::write(arguments.kind, arguments.size, arguments.output.as_deref()).map_err(|error| match error {
+    let SceneArguments { kind, size, board, output } = arguments;
+    procedural::write(*kind, *size, *board, output.as_deref()).map_err(|error| match error {
         WriteError::Size(error) => Failure::bad_input(error.to_string()),
+        WriteError::Board(error) => Failure::bad_input(format!("--board: {error}")),
         WriteError::Io(error) => Failure::failed(error.to_string()),
     })
 }

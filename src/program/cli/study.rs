@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
-use super::grid_options::{GridOptions, SETTINGS};
+use super::grid_options::{GridOptions, SETTINGS, TIMES};
+use super::replay::are_timed;
 use super::table::{Format, Table};
 use super::{Failure, json, print, subject};
 use crate::study::page::Page;
@@ -95,7 +96,7 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
 
 fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let SweepArguments { output, grid, .. } = arguments;
-    let timings = arguments.timings || grid.varies_bus();
+    let timings = arguments.timings || grid.varies_times();
     let topology = subject::topology(&arguments.topology, &arguments.set)?;
     output.make_folder()?;
     let steps = Steps::new(output.quiet, sweep::STEPS);
@@ -108,7 +109,7 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     );
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
-    let table = Table::new(&sweep.rows)?;
+    let table = Table::new(&sweep.rows)?.hiding(if are_timed(&sweep.rows) { &[] } else { &TIMES });
     let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
     output.write(&sweep, || sweep::page(&sweep, text()))?;
     print(&match output.format {

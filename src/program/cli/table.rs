@@ -22,6 +22,8 @@ pub(super) struct Table {
     /// As JSON.
     json: String,
     columns: Vec<String>,
+    /// Columns that a person is not shown.
+    hidden: &'static [&'static str],
     /// A value a column.
     rows: Vec<Vec<Value>>,
 }
@@ -58,7 +60,23 @@ impl Table {
         let fields: Vec<Fields> = serde_json::from_str(&json).map_err(failed)?;
         let columns = fields.first().iter().flat_map(|row| row.0.iter().map(|field| field.0.clone())).collect();
         let rows = fields.into_iter().map(|row| row.0.into_iter().map(|field| field.1).collect()).collect();
-        Ok(Self { json, columns, rows })
+        Ok(Self { json, columns, hidden: &[], rows })
+    }
+
+    /// The same table, as text without these columns: they mean nothing in it.
+    pub(super) fn hiding(self, hidden: &'static [&'static str]) -> Self {
+        Self { hidden, ..self }
+    }
+
+    /// The settings of the first row, for what is no table.
+    pub(super) fn heading(&self, settings: &[&str]) -> String {
+        let Some(first) = self.rows.first() else { return String::new() };
+        let shown = self
+            .columns
+            .iter()
+            .zip(first)
+            .filter(|(column, _)| settings.contains(&column.as_str()) && !self.hidden.contains(&column.as_str()));
+        wrapped(shown.map(|(column, value)| setting(column, value)))
     }
 
     /// In this format. As text, what is the same in all rows of the columns `settings` is above the table.
@@ -77,8 +95,9 @@ impl Table {
         let (mut heading, mut columns) = (Vec::new(), Vec::new());
         for (i, column) in self.columns.iter().enumerate() {
             let is_setting = settings.contains(&column.as_str());
-            if is_setting && !varies(i) {
-                heading.push(format!("{} {}", column.replace('_', " "), cell(column, &first[i])));
+            if self.hidden.contains(&column.as_str()) {
+            } else if is_setting && !varies(i) {
+                heading.push(setting(column, &first[i]));
             } else if column != "reason" && (is_setting || is_filled(i)) {
                 columns.push(i);
             }
@@ -89,7 +108,7 @@ impl Table {
         let widths: Vec<usize> = (0..columns.len()).map(width).collect();
         let mut out = String::new();
         if !heading.is_empty() {
-            let _ = writeln!(out, "{}\n", heading.join(", "));
+            let _ = writeln!(out, "{}\n", wrapped(heading.into_iter()));
         }
         for line in &lines {
             let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
@@ -112,6 +131,28 @@ impl Table {
         }
         out
     }
+}
+
+/// A setting and its value.
+fn setting(column: &str, value: &Value) -> String {
+    format!("{} {}", column.replace('_', " "), cell(column, value))
+}
+
+/// Settings between commas, in lines that a terminal has room for.
+fn wrapped(settings: impl Iterator<Item = String>) -> String {
+    const COLUMNS_MAX: usize = 100;
+    let (mut lines, mut line) = (Vec::new(), String::new());
+    for setting in settings {
+        if !line.is_empty() && line.len() + setting.len() + 3 > COLUMNS_MAX {
+            lines.push(std::mem::take(&mut line) + ",");
+        }
+        if !line.is_empty() {
+            line += ", ";
+        }
+        line += &setting;
+    }
+    lines.push(line);
+    lines.join("\n")
 }
 
 fn cell(column: &str, value: &Value) -> String {

@@ -219,13 +219,13 @@ fn efficiency(sweep: &Sweep) -> Option<Figure> {
 }
 
 fn name(setting: &Setting) -> String {
-    let Setting { local_memory, line, ways, replacement, bus_width, .. } = setting;
+    let Setting { local_memory, line, ways, replacement, bus, .. } = setting;
     let ways = ways.map_or_else(String::new, |ways| format!(", {ways} ways"));
     let policy = match replacement {
         Policy::Lru => String::new(),
         other => format!(", {other:?}").to_lowercase(),
     };
-    format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {bus_width}")
+    format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {}", bus.width)
 }
 
 fn by_level(sweep: &Sweep) -> Figure {

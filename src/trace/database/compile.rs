@@ -308,11 +308,11 @@ mod tests {
 
     #[test]
     fn the_scenes_that_are_computed_give_no_warning() {
-        use crate::scene::procedural::{Kind, Procedural};
+        use crate::scene::procedural::{Board, Kind, Procedural};
         for (kind, size) in
             [(Kind::Gears, 1), (Kind::Teapot, 12), (Kind::Balls, 2), (Kind::Tetra, 4), (Kind::Slivers, 2)]
         {
-            let scene = Procedural { kind, size }.scene();
+            let scene = Procedural { kind, size, board: Board::Squares }.scene();
             assert_eq!(compile(&scene).expect("records").warnings, [], "{kind}");
         }
     }

@@ -1,14 +1,14 @@
-//! Where a scene comes from. As text: a path, or a procedural scene such as `teapot:12`.
+//! Where a scene comes from. As text: a path, or a procedural scene such as `teapot:12` or `teapot:12:no-board`.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::procedural::{Kind, Procedural, SizeError};
+use super::procedural::{Board, Kind, Procedural, SizeError};
 use super::{Scene, SourceError, load};
 
 /// A scene file, or a scene that is made by its definition. As text: a path ending in `.nff` or `.obj`, or a name and a size
-/// such as `teapot:12`.
+/// such as `teapot:12`; `:no-board` after a teapot's leaves its board out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SceneSource {
     /// Resolved against the topology file's folder (or the working directory, for an override).
@@ -46,15 +46,24 @@ impl SceneSource {
     }
 }
 
+/// After a teapot's name or size: it is without its board.
+const NO_BOARD: &str = ":no-board";
+
 /// A procedural scene's name, or its name and size, or else a path with an extension.
 impl FromStr for SceneSource {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (before, size) = text.split_once(':').map_or((text, None), |(before, size)| (before, Some(size)));
+        let (scene, board) = match text.strip_suffix(NO_BOARD) {
+            Some(scene) => (scene, Some(Board::None)),
+            None => (text, None),
+        };
+        let (before, size) = scene.split_once(':').map_or((scene, None), |(before, size)| (before, Some(size)));
         if let Ok(kind) = before.parse() {
             let size = size.map(|size| parse_size(kind, size)).transpose()?;
-            Self::procedural(kind, size).map_err(|error| error.to_string())
+            let scene = Procedural::new(kind, size).map_err(|error| error.to_string())?;
+            let scene = board.map_or(Ok(scene), |board| scene.on(board));
+            scene.map(Self::Procedural).map_err(|error| error.to_string())
         } else if Path::new(text).extension().is_some() {
             Ok(Self::File(PathBuf::from(text)))
         } else {
@@ -74,7 +83,9 @@ impl fmt::Display for SceneSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(path) => path.display().fmt(f),
-            Self::Procedural(Procedural { kind, size }) => write!(f, "{kind}:{size}"),
+            Self::Procedural(Procedural { kind, size, board }) => {
+                write!(f, "{kind}:{size}{}", if *board == Board::None { NO_BOARD } else { "" })
+            }
         }
     }
 }
@@ -92,8 +103,14 @@ mod tests {
             ("tetra:7", Kind::Tetra, 7),
         ] {
             let source: SceneSource = text.parse().expect(text);
-            assert_eq!(source, SceneSource::Procedural(Procedural { kind, size }), "{text}");
+            assert_eq!(source, SceneSource::Procedural(Procedural { kind, size, board: Board::Squares }), "{text}");
             assert_eq!(source.to_string().parse(), Ok(source));
+        }
+        for (text, size) in [("teapot:no-board", 12), ("teapot:3:no-board", 3)] {
+            let source: SceneSource = text.parse().expect(text);
+            let expected = Procedural { kind: Kind::Teapot, size, board: Board::None };
+            assert_eq!(source, SceneSource::Procedural(expected), "{text}");
+            assert_eq!((source.name().as_str(), source.to_string().parse()), ("teapot", Ok(source)));
         }
         let file: SceneSource = "scenes/gears.2.nff".parse().expect("a path");
         assert_eq!((file.name().as_str(), file.to_string().as_str()), ("gears.2", "scenes/gears.2.nff"));
@@ -109,6 +126,8 @@ mod tests {
             ("gears:", "size of gears: \"\", expected an integer from 1 to 41"),
             ("teapot:x", "size of teapot: \"x\", expected an integer from 2 to 778"),
             ("balls:4:4", "size of balls: \"4:4\", expected an integer from 1 to 7"),
+            ("gears:2:no-board", "gears has no board, expected teapot"),
+            ("teapot:3:board", "size of teapot: \"3:board\", expected an integer from 2 to 778"),
             ("teapot:-1", "size of teapot: \"-1\", expected an integer from 2 to 778"),
             (
                 "teapot:0",

@@ -13,7 +13,7 @@ use crate::report::{
 };
 use crate::topology::Topology;
 use ground::ids::NodeId;
-use machine::hardware::local_memory::Geometry;
+use machine::hardware::local_memory::{Geometry, MemoryShape};
 use machine::hardware::specification::MemorySize;
 use machine::hardware::stats::MemoryStats;
 use trace::database::Layout;
@@ -30,11 +30,11 @@ pub(super) struct Facts {
     octree: Octree,
     load: Duration,
     build: Duration,
-    local_bytes: u64,
+    memory: MemoryShape,
 }
 
 impl Facts {
-    pub(super) fn new(topology: &Topology, prepared: &Prepared, local_bytes: u64) -> Self {
+    pub(super) fn new(topology: &Topology, prepared: &Prepared, memory: MemoryShape) -> Self {
         Self {
             scene: Scene::new(topology.scene.to_string(), prepared),
             camera: prepared.into(),
@@ -42,19 +42,24 @@ impl Facts {
             octree: Octree::new(&Census::of(&prepared.database)),
             load: prepared.load,
             build: prepared.build,
-            local_bytes,
+            memory,
         }
     }
 }
 
-/// Bytes of one node's local memory, resolved.
+/// One node's local memory, resolved.
 ///
 /// # Errors
 /// The topology asks for a memory that cannot be made for this image.
-pub(super) fn local_bytes(topology: &Topology, layout: &Layout) -> Result<u64, RunError> {
-    match topology.cluster.local_memory.size {
-        MemorySize::All => Ok(layout.database_bytes()),
-        _ => Ok(Geometry::new(&topology.cluster.local_memory, layout)?.local_bytes()),
+pub(super) fn memory_shape(topology: &Topology, layout: &Layout) -> Result<MemoryShape, RunError> {
+    let memory = topology.cluster.local_memory;
+    match memory.size {
+        // No cache, but the database as it is.
+        MemorySize::All => {
+            let local_bytes = layout.database_bytes();
+            Ok(MemoryShape { local_bytes, sets: 1, lines_per_set: local_bytes / u64::from(memory.line) })
+        }
+        _ => Ok(Geometry::new(&memory, layout)?.into()),
     }
 }
 
@@ -113,7 +118,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         memory: (!counted.is_empty()).then(|| {
             let mut all = MemoryStats::default();
             counted.iter().for_each(|book| all.add(&book.memory));
-            Memory::new(&all, line_bytes, facts.local_bytes)
+            Memory::new(&all, line_bytes, facts.memory)
         }),
         bus: bus(state),
         conservation,

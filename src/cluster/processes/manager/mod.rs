@@ -232,7 +232,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let database = prepared.database.database();
     let image = prepared.view.image;
     let tiling = topology.image.tiling(image.width(), image.height()).map_err(RunError::Tiling)?;
-    let local_bytes = closing::local_bytes(topology, &database.header.layout)?;
+    let memory = closing::memory_shape(topology, &database.header.layout)?;
 
     let scene_sha256 = Sha256::digest(database.bytes()).into();
     let fingerprint = fingerprint(&scene_sha256, &prepared.view);
@@ -290,8 +290,8 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
         quiet: request.quiet,
         faults,
     };
-    let facts = closing::Facts::new(topology, &prepared, local_bytes);
-    let seal = || recorded::seal(topology, &prepared, &scene_sha256, tiling, local_bytes);
+    let facts = closing::Facts::new(topology, &prepared, memory);
+    let seal = || recorded::seal(topology, &prepared, &scene_sha256, tiling, memory.local_bytes);
     let recorded = request.record_references.then(seal).transpose().map_err(RunError::Output)?;
     let runtime = event_queue().map_err(|error| RunError::System { what: "descriptor", error: error.to_string() })?;
     // The buses hold the database; the manager keeps its words alone, for buses that come later.

@@ -1,5 +1,7 @@
 //! How large a local memory is, and how it is divided.
 
+use serde::{Deserialize, Serialize};
+
 use crate::hardware::specification;
 use trace::database::Layout;
 
@@ -20,6 +22,22 @@ pub struct Geometry {
     pub database_lines: u32,
     pub sets: u64,
     pub ways: u64,
+}
+
+/// One node's local memory, as it was made of what was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MemoryShape {
+    /// For which it has room, in whole sets.
+    pub local_bytes: u64,
+    pub sets: u64,
+    /// The ways; of a fully associative memory, all of its lines.
+    pub lines_per_set: u64,
+}
+
+impl From<Geometry> for MemoryShape {
+    fn from(geometry: Geometry) -> Self {
+        Self { local_bytes: geometry.local_bytes(), sets: geometry.sets, lines_per_set: geometry.ways }
+    }
 }
 
 /// Sets and ways that lines of the database can ever fill: those of a memory that is larger than the database need not be there

@@ -11,7 +11,7 @@ mod missing;
 mod source;
 
 pub use directory::{Directory, Reference};
-pub use geometry::{Geometry, GeometryError, LINE_BYTES_MAX, LINES_MIN, Slots};
+pub use geometry::{Geometry, GeometryError, LINE_BYTES_MAX, LINES_MIN, MemoryShape, Slots};
 pub use source::LineSource;
 
 use bytemuck::Pod;

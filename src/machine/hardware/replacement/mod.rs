@@ -12,7 +12,8 @@ pub use lru::Lru;
 pub use random::Random;
 
 /// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
-/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
+/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim, and so are those, later, whose line
+/// is invalidated.
 ///
 /// # Contract
 /// A hit on the line that was hit last, with nothing in between, changes nothing: [`Self::hit`] of the same slot again leaves

@@ -48,12 +48,20 @@ impl ClosedNetwork {
     /// The network whose means a simulation had; `None` without a transaction. Any number of nodes will do, but their
     /// compute and their transactions should not depend on it.
     pub fn of(outcome: &Outcome) -> Option<Self> {
-        let transactions = (outcome.transactions > 0).then_some(outcome.transactions as f64)?;
-        let stall_cycles = outcome.stall_cycles as f64 / transactions;
-        let service_cycles = outcome.bus_busy_cycles as f64 / transactions;
+        Self::of_each(std::slice::from_ref(outcome))
+    }
+
+    /// The same of several buses alike, whose means are those of all transactions.
+    pub fn of_each(outcomes: &[Outcome]) -> Option<Self> {
+        let all = |part: fn(&Outcome) -> f64| outcomes.iter().map(part).sum::<f64>();
+        let transactions =
+            Some(all(|outcome| outcome.transactions as f64)).filter(|&transactions| transactions > 0.0)?;
+        let mean = |part| all(part) / transactions;
+        let waited = |outcome: &Outcome| outcome.wait_mean_cycles * outcome.transactions as f64;
+        let service_cycles = mean(|outcome| outcome.bus_busy_cycles as f64);
         Some(Self {
-            compute_cycles: outcome.compute_cycles as f64 / transactions,
-            latency_cycles: (stall_cycles - outcome.wait_mean_cycles - service_cycles).max(0.0),
+            compute_cycles: mean(|outcome| outcome.compute_cycles as f64),
+            latency_cycles: (mean(|outcome| outcome.stall_cycles as f64) - mean(waited) - service_cycles).max(0.0),
             service_cycles,
         })
     }

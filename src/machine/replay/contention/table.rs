@@ -2,8 +2,11 @@
 
 use serde::Serialize;
 
-use crate::replay::contention::timing::simulate_cluster;
-use crate::replay::contention::{ClosedNetwork, Cycle, Load, largest_nodes, saturation_nodes};
+use crate::hardware::local_memory::{Geometry, MemoryShape};
+use crate::replay::contention::timing::{Timing, simulate_clusters};
+use crate::replay::contention::{ClosedNetwork, Cycle, Outcome, largest_nodes, saturation_nodes};
+use crate::replay::model::counts::ratio;
+use crate::replay::model::replayer::Counters;
 use crate::replay::plan::setting::{Assignment, Setting};
 use crate::replay::stream::subject::Subject;
 use crate::replay::{TraceError, parallel};
@@ -11,7 +14,10 @@ use crate::replay::{TraceError, parallel};
 /// One number of nodes.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub struct ContentionRow {
-    pub nodes: u16,
+    #[serde(flatten)]
+    pub setting: Setting,
+    #[serde(flatten)]
+    pub memory: MemoryShape,
     pub cycles: Cycle,
     /// Cycles of one node over cycles.
     pub speed_up: f64,
@@ -47,66 +53,75 @@ pub struct ContentionTable {
     pub largest_efficient_formula: Option<u16>,
 }
 
-/// Simulates numbers of nodes, each a cluster by itself with tiles handed out as `setting` says (interleaved where that
-/// says as recorded). One node is simulated besides, for the speed-up.
+/// Simulates settings that differ in their number of nodes, and in the assignment where that depends on it: the clusters of each,
+/// one after the other. One node alone is simulated besides, for the speed-up.
 ///
 /// # Errors
 /// The memory cannot be made for this image, the trace not be read, or replacement has no times.
 pub fn contention_table<S: Subject>(
     subject: &S,
-    setting: Setting,
-    nodes: &[u16],
+    settings: &[Setting],
     tick: impl Fn(usize) + Sync,
 ) -> Result<ContentionTable, TraceError> {
-    let geometry = subject.geometry(&setting.memory())?;
-    let assignment = match setting.assignment {
-        Assignment::Recorded => Assignment::Interleaved,
-        assignment => assignment,
+    let Some(&first) = settings.first() else {
+        return Ok(ContentionTable { rows: Vec::new(), largest_efficient: None, largest_efficient_formula: None });
     };
-    let numbers: Vec<u16> = std::iter::once(1).chain(nodes.iter().copied()).collect();
-    let outcomes = parallel::map(&numbers, |&nodes| {
-        let setting = Setting { nodes, clusters: 1, assignment, ..setting };
-        let outcome = simulate_cluster(subject, &setting, geometry, 0, &mut (), |_| {});
-        tick(numbers.len());
-        outcome
+    let geometry = subject.geometry(&first.memory())?;
+    let assignment = if first.assignment == Assignment::OnDemand { first.assignment } else { Assignment::Interleaved };
+    let alone = Setting { nodes: 1, clusters: 1, assignment, ..first };
+    let settings: Vec<Setting> = std::iter::once(alone).chain(settings.iter().copied()).collect();
+    let outcomes = parallel::map(&settings, |setting| {
+        let simulated = simulate_clusters(subject, setting, geometry);
+        tick(settings.len());
+        simulated
     });
     let outcomes = outcomes.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let alone = outcomes[0].0.cycles as f64;
-    let mut rows = Vec::new();
-    for (nodes, (outcome, totals)) in numbers.into_iter().zip(&outcomes).skip(1) {
-        let Some(network) = ClosedNetwork::of(outcome) else { continue };
-        let last = |loads: Vec<Load>| loads.last().copied();
-        let (Some(fixed), Some(exponential)) =
-            (last(network.fixed_service(nodes)), last(network.exponential_service(nodes)))
-        else {
-            continue;
-        };
-        let misses = totals.record_misses as f64 / totals.record_accesses.max(1) as f64;
-        rows.push(ContentionRow {
-            nodes,
-            cycles: outcome.cycles,
-            speed_up: alone / outcome.cycles.max(1) as f64,
-            efficiency: outcome.efficiency,
-            efficiency_least: outcome.nodes.iter().map(|node| node.efficiency).fold(1.0, f64::min),
-            bus_utilisation: outcome.utilisation,
-            wait_mean: outcome.wait_mean_cycles,
-            wait_percentile_99: outcome.wait_percentile_99_cycles,
-            misses_per_record_access: misses,
-            fixed_wait: fixed.wait_cycles,
-            fixed_utilisation: fixed.utilisation,
-            fixed_efficiency: fixed.efficiency,
-            exponential_wait: exponential.wait_cycles,
-            exponential_utilisation: exponential.utilisation,
-            exponential_efficiency: exponential.efficiency,
-            knee: network.knee(),
-            saturation: saturation_nodes(misses),
-        });
-    }
-    let efficient =
-        |reached: fn(&ContentionRow) -> f64| largest_nodes(rows.iter().map(|row| (row.nodes, reached(row))), 0.9);
+    let alone = Timing::of(&outcomes[0].0).cycles as f64;
+    let rows = settings.iter().zip(&outcomes).skip(1);
+    let rows: Vec<ContentionRow> =
+        rows.filter_map(|(setting, (outcomes, totals))| row(*setting, geometry, outcomes, totals, alone)).collect();
+    let efficient = |reached: fn(&ContentionRow) -> f64| {
+        largest_nodes(rows.iter().map(|row| (row.setting.nodes, reached(row))), 0.9)
+    };
     Ok(ContentionTable {
         largest_efficient: efficient(|row| row.efficiency),
         largest_efficient_formula: efficient(|row| row.fixed_efficiency),
         rows,
+    })
+}
+
+/// `None` where nothing crossed the bus.
+fn row(
+    setting: Setting,
+    geometry: Geometry,
+    outcomes: &[Outcome],
+    totals: &Counters,
+    alone: f64,
+) -> Option<ContentionRow> {
+    let timing = Timing::of(outcomes);
+    let network = ClosedNetwork::of_each(outcomes)?;
+    let fixed = *network.fixed_service(setting.nodes).last()?;
+    let exponential = *network.exponential_service(setting.nodes).last()?;
+    let efficiencies = outcomes.iter().flat_map(|outcome| outcome.nodes.iter().map(|node| node.efficiency));
+    let misses = ratio(totals.record_misses, totals.record_accesses);
+    Some(ContentionRow {
+        setting,
+        memory: geometry.into(),
+        cycles: timing.cycles,
+        speed_up: alone / timing.cycles.max(1) as f64,
+        efficiency: timing.efficiency,
+        efficiency_least: efficiencies.fold(1.0, f64::min),
+        bus_utilisation: timing.bus_utilisation,
+        wait_mean: timing.wait_mean,
+        wait_percentile_99: timing.wait_percentile_99,
+        misses_per_record_access: misses,
+        fixed_wait: fixed.wait_cycles,
+        fixed_utilisation: fixed.utilisation,
+        fixed_efficiency: fixed.efficiency,
+        exponential_wait: exponential.wait_cycles,
+        exponential_utilisation: exponential.utilisation,
+        exponential_efficiency: exponential.efficiency,
+        knee: network.knee(),
+        saturation: saturation_nodes(misses),
     })
 }

@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use crate::hardware::local_memory::Geometry;
 use crate::hardware::replacement::{Replacement, with_policy};
-use crate::hardware::specification::Bus;
 use crate::replay::TraceError;
 use crate::replay::contention::work::{RecordedWork, Step, Tiles};
 use crate::replay::contention::{ContentionSettings, Cycle, Observer, Outcome, simulate};
@@ -42,6 +41,19 @@ pub fn simulate_setting<S: Subject>(
     setting: &Setting,
     geometry: Geometry,
 ) -> Result<(Timing, Counters), TraceError> {
+    let (outcomes, totals) = simulate_clusters(subject, setting, geometry)?;
+    Ok((Timing::of(&outcomes), totals))
+}
+
+/// The buses of a setting, each by itself: their outcomes, and what was counted on all of them.
+///
+/// # Errors
+/// As for [`simulate_setting`].
+pub(super) fn simulate_clusters<S: Subject>(
+    subject: &S,
+    setting: &Setting,
+    geometry: Geometry,
+) -> Result<(Vec<Outcome>, Counters), TraceError> {
     let mut outcomes = Vec::new();
     let mut totals = Counters::default();
     for cluster in 0..setting.clusters {
@@ -49,7 +61,7 @@ pub fn simulate_setting<S: Subject>(
         outcomes.push(outcome);
         totals.add(&counted);
     }
-    Ok((Timing::of(&outcomes), totals))
+    Ok((outcomes, totals))
 }
 
 /// Simulates one cluster's bus; `observer` and `on_step` get every step.
@@ -92,15 +104,14 @@ fn through<R: Replacement, S: Subject>(
             Tiles::Assigned(all.into_iter().skip(cluster * nodes).take(nodes).collect())
         }
     };
-    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting.nodes, on_step)?;
-    let bus = Bus { width: setting.bus_width, arbiter: setting.arbiter, ..subject.bus() };
-    let settings = ContentionSettings { nodes: setting.nodes, bus };
+    let mut work = RecordedWork::<S, R, _>::new(subject, &lines, geometry, tiles, setting, on_step)?;
+    let settings = ContentionSettings { nodes: setting.nodes, bus: setting.bus };
     let outcome = simulate(&settings, &mut work, observer)?;
     Ok((outcome, work.totals()))
 }
 
 impl Timing {
-    fn of(outcomes: &[Outcome]) -> Self {
+    pub(super) fn of(outcomes: &[Outcome]) -> Self {
         let sum = |part: fn(&Outcome) -> f64| outcomes.iter().map(part).sum::<f64>();
         let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         let compute = sum(|outcome| outcome.compute_cycles as f64);

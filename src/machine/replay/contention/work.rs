@@ -4,11 +4,13 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use crate::hardware::local_memory::Geometry;
+use crate::hardware::references::ReferenceWord;
 use crate::hardware::replacement::Replacement;
 use crate::hardware::transaction::Kind;
 use crate::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
 use crate::replay::contention::{Burst, Cycle, Transaction, Workload};
 use crate::replay::model::replayer::{Counters, Replayer, Sum};
+use crate::replay::plan::setting::Setting;
 use crate::replay::stream::subject::Subject;
 use crate::replay::{Lines, Tally, TraceError};
 use ground::ids::{NodeId, TileId};
@@ -72,7 +74,7 @@ enum Doing {
 }
 
 impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
-    /// `nodes` of them with such memories; of assigned tiles there is a list a node. `on_step` is told of
+    /// The setting's number of nodes with such memories; of assigned tiles there is a list a node. `on_step` is told of
     /// each step.
     ///
     /// # Errors
@@ -82,13 +84,18 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
         lines: &'a S::Lines,
         geometry: Geometry,
         tiles: Tiles,
-        nodes: u16,
+        setting: &Setting,
         on_step: F,
     ) -> Result<Self, TraceError> {
         let node = |_| {
             Ok::<_, TraceError>(Node {
                 memory: Replayer::new(lines, geometry, subject.seed())?,
-                tally: Cost { subject, by_kind: subject.read_cycles(), cycles: 0, sum: Sum::new(subject) },
+                tally: Cost {
+                    subject,
+                    by_kind: subject.read_cycles(&setting.processor),
+                    cycles: 0,
+                    sum: Sum::new(subject),
+                },
                 doing: Doing::Nothing,
                 tile: 0,
                 parts: 0..0,
@@ -101,7 +108,7 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
             Tiles::Assigned(nodes) => Queue::Assigned(nodes.into_iter().map(one_after_the_other).collect()),
         };
         let line_bytes = geometry.line_bytes;
-        let nodes = (0..nodes).map(node).collect::<Result<_, _>>()?;
+        let nodes = (0..setting.nodes).map(node).collect::<Result<_, _>>()?;
         Ok(Self { subject, lines, tiles, nodes, line_bytes, on_step })
     }
 
@@ -142,7 +149,7 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
             let (done, missing) = node.memory.until_miss(&node.words[node.done..], &mut node.tally)?;
             node.done += done;
             if missing > 0 {
-                let (first, _) = self.lines.of(node.words[node.done - 1]);
+                let (first, _) = self.lines.of(ReferenceWord(node.words[node.done - 1]).record().unwrap_or(0));
                 let address = u64::from(first) * u64::from(self.line_bytes);
                 (self.on_step)(Step::Lacks { node: id, address });
                 let transaction = Transaction { kind: Kind::Fetch, bytes: missing * self.line_bytes };

@@ -121,30 +121,32 @@ impl Builder {
     /// There are too many references, or no room for them.
     pub(super) fn whole_memory(&mut self, kind: AccessKind) -> Result<(), String> {
         match kind {
-            AccessKind::CopyBack => self.notes.copy_backs += 1,
-            AccessKind::Invalidate => self.notes.invalidations += 1,
-            AccessKind::Read | AccessKind::Fetch | AccessKind::Write => {
-                return Err("a size of 0, expected 1 or more".to_owned());
-            }
-        }
-        Ok(())
-    }
-
-    fn reference(&mut self, kind: AccessKind, record: u32) -> Result<(), String> {
-        match kind {
-            AccessKind::Read | AccessKind::Fetch => {}
-            AccessKind::Write => self.notes.writes += 1,
             AccessKind::CopyBack => {
                 self.notes.copy_backs += 1;
-                return Ok(());
+                self.word(ReferenceWord::COPY_BACK_ALL)
             }
             AccessKind::Invalidate => {
                 self.notes.invalidations += 1;
-                return Ok(());
+                self.word(ReferenceWord::INVALIDATE_ALL)
+            }
+            AccessKind::Read | AccessKind::Fetch | AccessKind::Write => {
+                Err("a size of 0, expected 1 or more".to_owned())
             }
         }
-        self.notes.references += 1;
-        self.word(ReferenceWord::read(record))
+    }
+
+    fn reference(&mut self, kind: AccessKind, record: u32) -> Result<(), String> {
+        let (word, count) = match kind {
+            AccessKind::Read | AccessKind::Fetch => (ReferenceWord::read(record), None),
+            AccessKind::Write => (ReferenceWord::write(record), Some(&mut self.notes.writes)),
+            AccessKind::CopyBack => (ReferenceWord::copy_back(record), Some(&mut self.notes.copy_backs)),
+            AccessKind::Invalidate => (ReferenceWord::invalidate(record), Some(&mut self.notes.invalidations)),
+        };
+        self.notes.references += u64::from(word.record().is_some());
+        if let Some(count) = count {
+            *count += 1;
+        }
+        self.word(word)
     }
 
     fn word(&mut self, word: ReferenceWord) -> Result<(), String> {

@@ -21,7 +21,7 @@ const WORD_BYTES: u32 = 4;
 /// A line of the classic format is a hexadecimal label (0 read, 1 write, 2 instruction fetch, 3 other read, 4 copy back, 5
 /// invalidate) and a hexadecimal address; one of the extended format a letter (`r`, `w`, `i`, `m`, `c`, `v`), and a
 /// hexadecimal address and size. What follows is a comment. The first line decides which it is. A copy back or an
-/// invalidation of size 0 is one of the whole memory.
+/// invalidation concerns the line that its address lies in; one of size 0 the whole memory.
 ///
 /// # Errors
 /// The place of what is wrong, and what was expected.
@@ -51,7 +51,8 @@ pub fn read(file: &Path, input: impl BufRead, line_bytes: u32) -> Result<Importe
             match bytes {
                 0 => builder.whole_memory(kind).map_err(|what| text.error(at, what)),
                 _ => {
-                    let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
+                    let is_of_one_line = matches!(kind, AccessKind::CopyBack | AccessKind::Invalidate);
+                    let bytes = if is_of_one_line { 1 } else { u32::try_from(bytes).unwrap_or(u32::MAX) };
                     builder.access(Access { kind, address, bytes }).map_err(|what| text.error(at, what))
                 }
             }

@@ -95,7 +95,10 @@ impl Imported {
     /// Lines are shorter.
     pub fn lines(&self, line_bytes: u32) -> TableLines {
         let shortest = self.line_bytes_min;
-        assert!(line_bytes >= shortest, "lines of {line_bytes} bytes of a trace imported for {shortest} or more");
+        assert!(
+            self.is_of_objects() || line_bytes >= shortest,
+            "lines of {line_bytes} bytes of a trace imported for {shortest} or more"
+        );
         let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
         let lines = || self.contents.lines(line_bytes).unwrap_or_else(|_| unreachable!("longer lines are fewer"));
         tables.entry(self.contents.table_of(line_bytes)).or_insert_with(lines).clone()
@@ -109,6 +112,17 @@ impl Imported {
     /// What was counted as the trace was read.
     pub fn notes(&self) -> Notes {
         self.notes
+    }
+
+    /// A record's first byte and how many it has; an object has one.
+    ///
+    /// # Panics
+    /// There is no such record.
+    pub fn extent(&self, record: u32) -> (u64, u32) {
+        match &self.contents {
+            Contents::Bytes(extents) => (extents[record as usize].address(), extents[record as usize].bytes()),
+            Contents::Objects { .. } => (0, 1),
+        }
     }
 
     pub fn is_of_objects(&self) -> bool {

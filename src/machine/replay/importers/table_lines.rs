@@ -33,6 +33,10 @@ impl Extent {
         Ok(Self { address, bytes })
     }
 
+    pub(super) fn address(self) -> u64 {
+        self.address
+    }
+
     pub(super) fn bytes(self) -> u32 {
         self.bytes
     }

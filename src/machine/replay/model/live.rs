@@ -15,7 +15,7 @@ use crate::replay::{TraceError, parallel};
 pub fn counts(recording: &Recording) -> Result<Vec<MemoryStats>, TraceError> {
     let memory = &recording.conditions.cluster.local_memory;
     let geometry = Geometry::new(memory, &recording.layout)?;
-    let schedule = TileSchedule::recorded(recording, recording.conditions.cluster.all_nodes());
+    let schedule = TileSchedule::recorded(recording, recording.conditions.cluster.all_nodes().into());
     let count = |processes: &Vec<Vec<u32>>| {
         let mut detail = Detail::new(recording, Classes::new(&recording.layout, &recording.octree_levels));
         replay_node(recording, processes, memory.replacement.into(), geometry, &mut detail)?;

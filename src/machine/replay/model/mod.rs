@@ -12,3 +12,4 @@ pub mod optimal;
 pub mod recount;
 pub mod replayer;
 pub mod stack_distance;
+pub mod writes;

@@ -1,6 +1,6 @@
 //! Lists of values → every combination of them, as settings that can be.
 
-use crate::hardware::specification::{Arbiter, MemorySize};
+use crate::hardware::specification::{Arbiter, MemorySize, Transactions};
 use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::tile_order::TileOrder;
 
@@ -22,6 +22,13 @@ pub struct Grid {
     pub assignment: Vec<Assignment>,
     pub bus_width: Vec<u32>,
     pub arbiter: Vec<Arbiter>,
+    pub transactions: Vec<Transactions>,
+    pub latency: Vec<u32>,
+    pub cycles_per_word: Vec<u32>,
+    pub octree_node: Vec<u32>,
+    pub primitive_test: Vec<u32>,
+    pub shading: Vec<u32>,
+    pub local_access: Vec<u32>,
 }
 
 impl Grid {
@@ -39,8 +46,15 @@ impl Grid {
             axis(&self.clusters, |setting, value| setting.clusters = value),
             axis(&self.tile_order, |setting, value| setting.tile_order = value),
             axis(&self.assignment, |setting, value| setting.assignment = value),
-            axis(&self.bus_width, |setting, value| setting.bus_width = value),
-            axis(&self.arbiter, |setting, value| setting.arbiter = value),
+            axis(&self.bus_width, |setting, value| setting.bus.width = value),
+            axis(&self.arbiter, |setting, value| setting.bus.arbiter = value),
+            axis(&self.transactions, |setting, value| setting.bus.transactions = value),
+            axis(&self.latency, |setting, value| setting.bus.latency = value),
+            axis(&self.cycles_per_word, |setting, value| setting.bus.cycles_per_word = value),
+            axis(&self.octree_node, |setting, value| setting.processor.octree_node = value),
+            axis(&self.primitive_test, |setting, value| setting.processor.primitive_test = value),
+            axis(&self.shading, |setting, value| setting.processor.shading = value),
+            axis(&self.local_access, |setting, value| setting.processor.local_access = value),
         ];
         let count = axes.iter().fold(1usize, |product, axis| product.saturating_mul(axis.values.max(1)));
         if count > SETTINGS_MAX {
@@ -92,6 +106,7 @@ fn axis<'a, T: Copy>(values: &'a [T], set: impl Fn(&mut Setting, T) + 'a) -> Axi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hardware::specification::{Bus, Processor};
 
     fn recorded() -> Setting {
         Setting {
@@ -103,8 +118,8 @@ mod tests {
             clusters: 1,
             tile_order: TileOrder::Scanline,
             assignment: Assignment::Recorded,
-            bus_width: 4,
-            arbiter: Arbiter::Fifo,
+            bus: Bus::DEFAULT,
+            processor: Processor::DEFAULT,
         }
     }
 

@@ -14,9 +14,9 @@ pub struct TileSchedule {
 
 impl TileSchedule {
     /// Who traced what in the recorded run. `nodes` of them, though not each may have traced a tile.
-    pub fn recorded(trace: &(impl Trace + ?Sized), nodes: u16) -> Self {
-        let mut schedule = vec![Vec::<Vec<u32>>::new(); usize::from(nodes)];
-        let mut last = vec![None; usize::from(nodes)];
+    pub fn recorded(trace: &(impl Trace + ?Sized), nodes: u32) -> Self {
+        let mut schedule = vec![Vec::<Vec<u32>>::new(); nodes as usize];
+        let mut last = vec![None; nodes as usize];
         for (i, tile) in (0..).zip(trace.tiles()) {
             let node = usize::from(tile.node.0);
             let processes = &mut schedule[node];
@@ -48,7 +48,7 @@ impl TileSchedule {
 /// Who traces what under a setting; of on-demand assignment what interleaved ones would.
 pub fn schedule<S: Subject>(subject: &S, setting: &Setting) -> TileSchedule {
     match setting.assignment {
-        Assignment::Recorded => TileSchedule::recorded(subject, setting.nodes),
+        Assignment::Recorded => TileSchedule::recorded(subject, setting.all_nodes()),
         Assignment::Interleaved | Assignment::OnDemand => {
             TileSchedule::interleaved(&subject.ordered(setting.tile_order), setting.all_nodes())
         }

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
-use crate::hardware::specification::{self, Arbiter, Cluster, MemorySize};
+use crate::hardware::specification::{self, Arbiter, Bus, Cluster, MemorySize, Processor, Transactions};
 use crate::tile_order::TileOrder;
 
 /// Which line of a full set gives way.
@@ -57,8 +57,8 @@ pub enum Assignment {
 
 /// Everything that a replay can vary.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+#[serde(into = "Columns")]
 pub struct Setting {
-    #[serde(serialize_with = "displayed")]
     pub local_memory: MemorySize,
     /// Bytes.
     pub line: u32,
@@ -70,33 +70,83 @@ pub struct Setting {
     pub clusters: u16,
     pub tile_order: TileOrder,
     pub assignment: Assignment,
-    /// Bytes of a bus word.
-    pub bus_width: u32,
-    #[serde(serialize_with = "arbiter")]
-    pub arbiter: Arbiter,
+    /// What a transaction costs. It decides times, and no count but those of on-demand assignment.
+    pub bus: Bus,
+    /// What computing costs, as `bus` does.
+    pub processor: Processor,
+}
+
+/// A setting as a row shows it: under the names of the options.
+#[derive(Serialize)]
+struct Columns {
+    local_memory: String,
+    line: u32,
+    ways: Option<u32>,
+    replacement: Policy,
+    nodes: u16,
+    clusters: u16,
+    tile_order: TileOrder,
+    assignment: Assignment,
+    bus_width: u32,
+    /// As it is typed: the quantum after a colon.
+    arbiter: String,
+    transactions: Transactions,
+    latency: u32,
+    cycles_per_word: u32,
+    octree_node: u32,
+    primitive_test: u32,
+    shading: u32,
+    local_access: u32,
+}
+
+impl From<Setting> for Columns {
+    fn from(setting: Setting) -> Self {
+        let Setting { local_memory, line, ways, replacement, nodes, clusters, tile_order, assignment, bus, processor } =
+            setting;
+        let Bus { arbiter, width, cycles_per_word, latency, transactions } = bus;
+        let Processor { octree_node, primitive_test, shading, local_access } = processor;
+        Self {
+            local_memory: local_memory.to_string(),
+            line,
+            ways,
+            replacement,
+            nodes,
+            clusters,
+            tile_order,
+            assignment,
+            bus_width: width,
+            arbiter: ArbiterName(arbiter).to_string(),
+            transactions,
+            latency,
+            cycles_per_word,
+            octree_node,
+            primitive_test,
+            shading,
+            local_access,
+        }
+    }
 }
 
 impl Setting {
     /// That of a recorded run.
     pub fn recorded(cluster: &Cluster, tile_order: TileOrder) -> Self {
-        let Cluster { nodes, local_memory, bus, .. } = *cluster;
+        let Cluster { count, nodes, local_memory, bus, processor } = *cluster;
         Self {
             local_memory: local_memory.size,
             line: local_memory.line,
             ways: local_memory.ways,
             replacement: local_memory.replacement.into(),
             nodes,
-            clusters: 1,
+            clusters: count,
             tile_order,
             assignment: Assignment::Recorded,
-            bus_width: bus.width,
-            arbiter: bus.arbiter,
+            bus,
+            processor,
         }
     }
 
     /// For a trace that came from elsewhere: one node with an eighth of what it referenced, lines of 64 bytes.
     pub fn imported() -> Self {
-        let bus = specification::Bus::DEFAULT;
         Self {
             local_memory: MemorySize::Share { numerator: 1, denominator: 8 },
             line: 64,
@@ -106,8 +156,8 @@ impl Setting {
             clusters: 1,
             tile_order: TileOrder::Scanline,
             assignment: Assignment::Recorded,
-            bus_width: bus.width,
-            arbiter: bus.arbiter,
+            bus: Bus::DEFAULT,
+            processor: Processor::DEFAULT,
         }
     }
 
@@ -121,15 +171,6 @@ impl Setting {
     pub fn all_nodes(&self) -> u32 {
         u32::from(self.nodes) * u32::from(self.clusters)
     }
-}
-
-fn displayed<S: Serializer>(value: &impl fmt::Display, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(value)
-}
-
-/// As it is typed: the quantum after a colon.
-fn arbiter<S: Serializer>(arbiter: &Arbiter, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(&ArbiterName(*arbiter))
 }
 
 /// An arbiter as it is typed.

@@ -2,7 +2,7 @@
 
 use crate::hardware::local_memory::{Geometry, GeometryError};
 use crate::hardware::references::RecordNumbers;
-use crate::hardware::specification::{Bus, Cluster, LocalMemory, Processor};
+use crate::hardware::specification::{LocalMemory, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
 use crate::replay::importers::{Imported, LINE_BYTES_MAX, TableLines};
@@ -32,8 +32,8 @@ pub trait Subject: Trace {
     /// By kind: 32-bit words of a record.
     fn record_words(&self) -> Vec<u32>;
 
-    /// By kind: what a processor spends on a record that it reads.
-    fn read_cycles(&self) -> Vec<u32>;
+    /// By kind: what this processor spends on a record that it reads.
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32>;
 
     /// Of a tile of the trace.
     fn pixels(&self, tile: u32) -> u32;
@@ -44,8 +44,10 @@ pub trait Subject: Trace {
     /// Seeds random replacement.
     fn seed(&self) -> u64;
 
-    /// The recorded bus.
-    fn bus(&self) -> Bus;
+    /// The trace, if it has something else than reads.
+    fn with_writes(&self) -> Option<&Imported> {
+        None
+    }
 }
 
 /// A trace of the records of a database.
@@ -53,7 +55,7 @@ pub trait DatabaseTrace: Trace {
     fn source(&self) -> TraceSource<'_>;
 }
 
-/// The database and the machine that a trace is of.
+/// The database and the image that a trace is of.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceSource<'a> {
     pub layout: &'a Layout,
@@ -61,16 +63,13 @@ pub struct TraceSource<'a> {
     pub tiling: Tiling,
     /// Of random replacement and random order.
     pub seed: u64,
-    pub processor: Processor,
-    pub bus: Bus,
 }
 
 impl DatabaseTrace for Recording {
     #[inline(always)]
     fn source(&self) -> TraceSource<'_> {
         let Self { layout, numbers, tiling, conditions, .. } = self;
-        let Cluster { processor, bus, .. } = conditions.cluster;
-        TraceSource { layout, numbers, tiling: *tiling, seed: conditions.seed, processor, bus }
+        TraceSource { layout, numbers, tiling: *tiling, seed: conditions.seed }
     }
 }
 
@@ -95,8 +94,8 @@ impl<T: DatabaseTrace> Subject for T {
         Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
     }
 
-    fn read_cycles(&self) -> Vec<u32> {
-        let cycles = ReadCycles::new(&self.source().processor);
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32> {
+        let cycles = ReadCycles::new(processor);
         Section::ALL.map(|section| cycles.of(section)).to_vec()
     }
 
@@ -117,10 +116,6 @@ impl<T: DatabaseTrace> Subject for T {
     fn seed(&self) -> u64 {
         self.source().seed
     }
-
-    fn bus(&self) -> Bus {
-        self.source().bus
-    }
 }
 
 /// One stream of one node. Nothing is known of what was read but its size: a read costs its access.
@@ -132,7 +127,9 @@ impl Subject for Imported {
     }
 
     fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
-        Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        if !self.is_of_objects() {
+            Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        }
         Geometry::of_lines(memory, self.lines(memory.line).count())
     }
 
@@ -145,8 +142,8 @@ impl Subject for Imported {
         self.record_words().to_vec()
     }
 
-    fn read_cycles(&self) -> Vec<u32> {
-        vec![Processor::DEFAULT.local_access; self.record_words().len()]
+    fn read_cycles(&self, processor: &Processor) -> Vec<u32> {
+        vec![processor.local_access; self.record_words().len()]
     }
 
     fn pixels(&self, _tile: u32) -> u32 {
@@ -161,7 +158,8 @@ impl Subject for Imported {
         1
     }
 
-    fn bus(&self) -> Bus {
-        Bus::DEFAULT
+    fn with_writes(&self) -> Option<&Imported> {
+        let notes = self.notes();
+        (notes.writes + notes.copy_backs + notes.invalidations > 0).then_some(self)
     }
 }

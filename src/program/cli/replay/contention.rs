@@ -1,5 +1,6 @@
 //! `marti replay RECORDING --contention`: how many nodes a bus carries.
 
+use crate::cli::grid_options::SETTINGS;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, json, print};
 use ground::progress::Parts;
@@ -8,28 +9,21 @@ use machine::replay::plan::setting::Setting;
 use machine::replay::stream::subject::Subject;
 
 /// Numbers of nodes where none are asked for.
-const NODES: [u16; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+pub(super) const NODES: [u16; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
 
-pub(super) fn print_contention<S: Subject>(
-    subject: &S,
-    settings: &[Setting],
-    are_nodes_given: bool,
-    format: Format,
-) -> Result<(), Failure> {
+pub(super) fn print_contention<S: Subject>(subject: &S, settings: &[Setting], format: Format) -> Result<(), Failure> {
     let [first, rest @ ..] = settings else { return Ok(()) };
     if rest.iter().any(|other| Setting { nodes: first.nodes, assignment: first.assignment, ..*other } != *first) {
         return Err(Failure::bad_input("--contention takes a list of --nodes and one value of everything else"));
     }
-    let nodes: Vec<u16> =
-        if are_nodes_given { settings.iter().map(|setting| setting.nodes).collect() } else { NODES.to_vec() };
     let parts = Parts::new("numbers of nodes");
-    let table = contention_table(subject, *first, &nodes, |all| parts.done(all))
+    let table = contention_table(subject, settings, |all| parts.done(all))
         .map_err(|error| Failure::bad_input(error.to_string()))?;
     parts.clear();
     if format == Format::Json {
         return print(&json(&table)?);
     }
-    print(&Table::new(&table.rows)?.print(format, &[]))?;
+    print(&Table::new(&table.rows)?.print(format, &SETTINGS))?;
     if format == Format::Text {
         let number = |nodes: Option<u16>| nodes.map_or("none of these".to_owned(), |nodes| nodes.to_string());
         print(&format!(

@@ -10,7 +10,7 @@ use machine::replay::model::counts::ratio;
 use machine::replay::model::curve::{LruCurve, curve};
 use machine::replay::model::recount::recount;
 use machine::replay::plan::schedule::schedule;
-use machine::replay::plan::setting::{Assignment, Setting};
+use machine::replay::plan::setting::{Assignment, Policy, Setting};
 use machine::replay::stream::subject::Subject;
 use machine::replay::{Lines, parallel};
 use machine::tile_order::TileOrder;
@@ -23,6 +23,9 @@ const LIST_RECORDS: u64 = 50_000;
 struct Row {
     /// Bytes.
     line: u32,
+    /// As of all rows: that is what a curve is of.
+    replacement: Policy,
+    ways: Option<u32>,
     nodes: u16,
     clusters: u16,
     tile_order: TileOrder,
@@ -47,6 +50,7 @@ pub(super) fn print_curves<S: Subject>(
     format: Format,
     is_verified: bool,
     is_damaged: bool,
+    hidden: &'static [&'static str],
 ) -> Result<(), Failure> {
     let mut rows = Vec::new();
     let mut seen = Vec::new();
@@ -61,7 +65,7 @@ pub(super) fn print_curves<S: Subject>(
         }
     }
     rows.iter_mut().for_each(|row| row.exact = !is_damaged);
-    print(&Table::new(&rows)?.print(format, &SETTINGS))
+    print(&Table::new(&rows)?.hiding(hidden).print(format, &SETTINGS))
 }
 
 fn curves_of<S: Subject>(
@@ -93,6 +97,8 @@ fn curves_of<S: Subject>(
             let counts = curve.at(lines);
             rows.push(Row {
                 line: setting.line,
+                replacement: Policy::Lru,
+                ways: None,
                 nodes: setting.nodes,
                 clusters: setting.clusters,
                 tile_order: setting.tile_order,

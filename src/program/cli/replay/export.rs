@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use super::combinations::Question;
 use crate::cli::{Failure, print};
 use ground::atomic_file::{self, Writer};
 use ground::ids::ClusterId;
@@ -38,6 +39,16 @@ pub(super) enum Export {
     Vcd,
 }
 
+impl Export {
+    pub(super) fn question(self) -> Question {
+        match self {
+            Self::Din | Self::OracleGeneral => Question::ExportLines,
+            Self::Csv | Self::Json => Question::ExportReads,
+            Self::Chrome | Self::Vcd => Question::ExportBus,
+        }
+    }
+}
+
 /// Those of the references of nodes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ReferenceFormat {
@@ -65,10 +76,7 @@ pub(super) fn export(
         return Err(Failure::bad_input(format!("{} settings, expected one value of each option", settings.len())));
     };
     let of_nodes = |format| export_references(recording, setting, format, node, out);
-    let of_bus = |format| match node {
-        Some(_) => Err(Failure::bad_input("--node chooses references; a simulated bus is that of all nodes")),
-        None => export_bus(recording, setting, format, out),
-    };
+    let of_bus = |format| export_bus(recording, setting, format, out);
     match format {
         Export::Din => of_nodes(ReferenceFormat::Din),
         Export::OracleGeneral => of_nodes(ReferenceFormat::OracleGeneral),

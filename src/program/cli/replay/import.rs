@@ -4,14 +4,17 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::combinations::Given;
 use crate::cli::Failure;
 use ground::outlet;
 use machine::replay::importers::{
     self, Column, CsvOptions, ImportFormat, ImportOptions, Imported, Notes, STANDARD_INPUT, Separator,
 };
+use machine::replay::model::writes::{WritePolicy, Writing};
+use machine::replay::plan::setting::{Policy, Setting};
 
 /// How a trace is read that came from elsewhere.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Traces of others")]
 pub(super) struct ImportArguments {
     /// The format of a trace that is not recognised by its content or name
@@ -41,6 +44,12 @@ pub(super) struct ImportArguments {
     /// Whether the first row names the columns
     #[arg(long, value_name = "ANSWER", value_enum)]
     csv_header: Option<Answer>,
+    /// When what was written leaves a memory
+    #[arg(long, value_name = "POLICY", value_enum, default_value_t)]
+    write_policy: WritePolicy,
+    /// Whether a line that is missing is brought in to be written
+    #[arg(long, value_name = "ANSWER", value_enum, default_value_t = Answer::Yes)]
+    write_allocate: Answer,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
@@ -50,33 +59,45 @@ pub(super) enum Answer {
 }
 
 impl ImportArguments {
-    /// Whether the path is a trace: no folder of a run, or said to be a trace.
-    pub(super) fn are_for(&self, path: &Path) -> bool {
+    /// Whether the path is a trace: no folder of a run, or called a trace.
+    pub(super) fn is_of(&self, path: &Path) -> bool {
         let is_there = path.exists() && !path.is_dir();
         path.as_os_str() == STANDARD_INPUT || is_there || self.import.is_some()
     }
 
-    /// Nothing of this is said of a recording.
-    pub(super) fn check_absent(&self) -> Result<(), Failure> {
-        let Self { import, ignore_object_size, .. } = self;
-        if import.is_some() || *ignore_object_size || self.csv() != CsvOptions::default() {
-            let what =
-                "--import, --ignore-object-size and --csv-… are of a trace that came from elsewhere: expected a file";
-            return Err(Failure::bad_input(what));
-        }
-        Ok(())
+    pub(super) fn writing(&self) -> Writing {
+        Writing { policy: self.write_policy, allocate: self.write_allocate == Answer::Yes }
     }
 
-    /// Reads a trace for lines of `line_bytes` or more.
-    pub(super) fn import(&self, path: &Path, line_bytes: u32) -> Result<Imported, Failure> {
+    /// Reads a trace for these settings. Those of a trace of objects get lines of one unit.
+    pub(super) fn import(&self, path: &Path, settings: &mut [Setting], given: &Given) -> Result<Imported, Failure> {
+        let line_bytes = settings.iter().map(|setting| setting.line).min().unwrap_or(Setting::imported().line);
         let options = ImportOptions { format: self.import, csv: self.csv(), line_bytes_min: line_bytes };
         let imported = importers::import(path, &options)?;
-        if self.ignore_object_size && !imported.is_of_objects() {
+        if imported.is_of_objects() {
+            if given.has("line") {
+                return Err(Failure::bad_input("--line: objects have no lines, expected a trace of bytes"));
+            }
+            settings.iter_mut().for_each(|setting| setting.line = 1);
+        } else if self.ignore_object_size {
             return Err(Failure::bad_input(
                 "--ignore-object-size: a trace of bytes has no objects, expected one of objects",
             ));
         }
-        print_notes(&imported.notes());
+        let notes = imported.notes();
+        let is_written = given.has("write-policy") || given.has("write-allocate");
+        if is_written && notes.writes == 0 {
+            let what = "--write-policy and --write-allocate: a trace without writes, expected one with writes";
+            return Err(Failure::bad_input(what));
+        }
+        let counts_reads = given.has("curve") || settings.iter().all(|setting| setting.replacement == Policy::Optimal);
+        if notes.writes > 0 && counts_reads {
+            outlet::say(format_args!("note: {} writes count as reads", notes.writes));
+        } else if notes.writes > 0 && !is_written {
+            let how = "--write-policy back, --write-allocate yes";
+            outlet::say(format_args!("note: {} of {} references are writes: {how}", notes.writes, notes.references));
+        }
+        self.print_notes(&imported);
         Ok(imported)
     }
 
@@ -91,21 +112,21 @@ impl ImportArguments {
             header: self.csv_header.map(|answer| answer == Answer::Yes),
         }
     }
-}
 
-/// What of a trace is not simulated as it is.
-fn print_notes(notes: &Notes) {
-    let Notes { references: _, writes, copy_backs, invalidations, left_out, resized, unknown_operations } = *notes;
-    for (count, what) in [
-        (writes, "writes count as reads"),
-        (copy_backs, "copy backs are not simulated"),
-        (invalidations, "invalidations are not simulated"),
-        (left_out, "references to nothing, of size 0, are left out"),
-        (resized, "references to objects have another size than at first, which is the one that counts"),
-        (unknown_operations, "references with an operation that is not known count as reads"),
-    ] {
-        if count > 0 {
-            outlet::say(format_args!("note: {count} {what}"));
+    /// What of a trace is not simulated as it is.
+    fn print_notes(&self, imported: &Imported) {
+        let Notes { left_out, resized, unknown_operations, .. } = imported.notes();
+        if imported.is_of_objects() && !self.ignore_object_size {
+            outlet::say(format_args!("note: each object takes one unit of memory, whatever its size"));
+        }
+        for (count, what) in [
+            (left_out, "references to nothing, of size 0, are left out"),
+            (resized, "references are to objects of another size than at first; the first counts"),
+            (unknown_operations, "references with an operation that is not known count as reads"),
+        ] {
+            if count > 0 {
+                outlet::say(format_args!("note: {count} {what}"));
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `marti replay RECORDING`: one file a question that it answers.
 
+mod combinations;
 mod contention;
 mod curve;
 mod export;
@@ -11,11 +12,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use self::combinations::{Given, Question, Subject};
 use self::export::Export;
 use self::import::ImportArguments;
 use self::origins::HeatMap;
 use self::to_bus::ToBus;
-use super::grid_options::{GridOptions, SETTINGS};
+use super::grid_options::{GridOptions, OF_RECORDINGS, SETTINGS, TIMES};
 use super::table::{Format, Table};
 use super::{Failure, output_path, print};
 use cluster::topology::recorded::open_references;
@@ -24,21 +26,25 @@ use ground::progress::Parts;
 use machine::hardware::local_memory::{Geometry, LINE_BYTES_MAX};
 use machine::recording::references::Opened;
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
-use machine::replay::plan::setting::Setting;
-use machine::replay::stream::subject::Subject;
+use machine::replay::plan::setting::{Assignment, Setting};
+use machine::replay::stream::subject;
 
 /// Put recorded references through other memories, node counts and buses
 ///
 /// Options of what is varied take a list such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4; every combination
 /// is simulated. What is not given stays as recorded.
 #[derive(Clone, Debug, Args)]
+#[command(after_long_help = combinations::help())]
 pub struct ReplayArguments {
+    // First: the other fields take their options away.
+    #[command(flatten)]
+    given: Given,
     /// Folder of a run with `--record references`; or a trace of others: a file, or - for standard input
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
     #[command(flatten)]
-    question: Question,
+    asked: Asked,
     #[command(flatten)]
     import: ImportArguments,
     #[command(flatten)]
@@ -57,18 +63,18 @@ pub struct ReplayArguments {
 /// What is to be answered; without any, a table of counts.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "What is asked")]
-struct Question {
-    /// Also divide misses into compulsory, capacity and conflict misses
+struct Asked {
+    /// Divide misses into compulsory, capacity and conflict misses
     #[arg(long)]
     classes: bool,
-    /// Also simulate the buses, in cycles of the recorded cost model
+    /// Simulate the buses too, in cycles of the cost model
     #[arg(long)]
     timings: bool,
     /// Print the exact misses of LRU memories of all sizes, by node and of all nodes
     #[arg(long, group = "mode")]
     curve: bool,
     /// Recompute a sample of the curve by brute force
-    #[arg(long, requires = "curve")]
+    #[arg(long)]
     verify: bool,
     /// Print how nodes fare that share a bus, simulated and by formula; default for --nodes: 1..256x2
     #[arg(long, group = "mode")]
@@ -83,19 +89,30 @@ struct Question {
     #[arg(long, value_name = "FORMAT", value_enum, group = "mode", requires = "output")]
     export: Option<Export>,
     /// The node whose references are exported
-    #[arg(long, value_name = "N", requires = "export")]
+    #[arg(long, value_name = "N")]
     node: Option<u16>,
+}
+
+impl Asked {
+    fn question(&self, to_bus: &ToBus) -> Question {
+        match self {
+            _ if to_bus.is_asked() => Question::ToBus,
+            Self { curve: true, .. } => Question::Curve,
+            Self { contention: true, .. } => Question::Contention,
+            Self { origins: true, .. } => Question::Origins,
+            Self { heat_map: Some(_), .. } => Question::HeatMap,
+            Self { export: Some(export), .. } => export.question(),
+            _ => Question::Counts,
+        }
+    }
 }
 
 impl ReplayArguments {
     /// An output is of a question that writes one, and no file of the recording.
     fn check_output(&self) -> Result<(), Failure> {
         let Some(output) = &self.output else { return Ok(()) };
-        if self.question.export.is_none() && self.question.heat_map.is_none() {
-            return Err(Failure::bad_input("--output has no effect without --export or --heat-map"));
-        }
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        if self.question.heat_map.is_some() && !is_png {
+        if self.asked.heat_map.is_some() && !is_png {
             let what =
                 format!("--output {}: a heat map is a picture, expected a name ending in .png", output.display());
             return Err(Failure::bad_input(what));
@@ -114,29 +131,35 @@ impl ReplayArguments {
 }
 
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let is_trace = arguments.import.is_of(&arguments.recording);
+    let subject = if is_trace { Subject::Trace } else { Subject::Recording };
+    let question = arguments.asked.question(&arguments.to_bus);
+    arguments.given.check(question, subject)?;
     arguments.check_output()?;
-    let is_imported = arguments.import.are_for(&arguments.recording);
-    if !is_imported || arguments.to_bus.is_asked() {
-        arguments.import.check_absent()?;
+    match (question, subject) {
+        (Question::ToBus, _) => arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format),
+        (_, Subject::Trace) => replay_trace(arguments),
+        (_, Subject::Recording) => replay_recording(arguments, question),
     }
-    if arguments.to_bus.is_asked() {
-        return arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format);
-    }
-    if is_imported {
-        return replay_imported(arguments);
-    }
+}
+
+fn replay_recording(arguments: &ReplayArguments, question: Question) -> Result<(), Failure> {
     let Opened { recording, faults } =
         open_references(&arguments.recording).map_err(|error| Failure::bad_input(error.to_string()))?;
     let damage = damage(&faults, arguments.partial)?;
-    let settings =
-        arguments.settings(Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order))?;
+    let recorded = Setting::recorded(&recording.conditions.cluster, recording.conditions.tile_order);
+    let mut grid = arguments.grid.grid();
+    if question == Question::Contention && grid.nodes.is_empty() && !grid.assignment.contains(&Assignment::Recorded) {
+        grid.nodes = contention::NODES.to_vec();
+    }
+    let settings = grid.settings(recorded).map_err(Failure::bad_input)?;
     check_lines(&settings)?;
-    let (question, format) = (&arguments.question, arguments.format);
-    match (question.origins, question.heat_map, question.export, &arguments.output) {
-        (true, ..) => origins::print_origins(&recording, &settings, format)?,
-        (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, what, out)?,
-        (.., Some(export), Some(out)) => export::export(&recording, &settings, export, question.node, out)?,
-        _ => return arguments.print(&recording, &settings, damage),
+    let (Asked { heat_map, export, node, .. }, format) = (&arguments.asked, arguments.format);
+    match (question, heat_map, export, &arguments.output) {
+        (Question::Origins, ..) => origins::print_origins(&recording, &settings, format)?,
+        (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, *what, out)?,
+        (.., Some(export), Some(out)) => export::export(&recording, &settings, *export, *node, out)?,
+        _ => return arguments.print(&recording, &settings, damage, &TIMES),
     }
     print_approximate(damage.as_deref(), format)
 }
@@ -148,51 +171,49 @@ fn check_lines(settings: &[Setting]) -> Result<(), Failure> {
 }
 
 /// What a trace without tiles and rays can answer.
-fn replay_imported(arguments: &ReplayArguments) -> Result<(), Failure> {
-    let Question { origins, heat_map, export, .. } = &arguments.question;
-    if *origins || heat_map.is_some() || export.is_some() {
-        return Err(Failure::bad_input("a trace of others has no tiles, rays or sections: expected a recording"));
-    }
-    if arguments.partial {
-        return Err(Failure::bad_input("--partial: a trace of others is read whole, expected a recording"));
-    }
-    let settings = arguments.settings(Setting::imported())?;
-    if settings.iter().any(|setting| setting.all_nodes() > 1) {
-        return Err(Failure::bad_input("a trace of others is that of one node: expected one node and one cluster"));
-    }
-    let line_bytes = settings.iter().map(|setting| setting.line).min().unwrap_or(Setting::imported().line);
-    let imported = arguments.import.import(&arguments.recording, line_bytes)?;
-    arguments.print(&imported, &settings, None)
+fn replay_trace(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let mut settings = arguments.grid.grid().settings(Setting::imported()).map_err(Failure::bad_input)?;
+    let imported = arguments.import.import(&arguments.recording, &mut settings, &arguments.given)?;
+    arguments.print(&imported, &settings, None, &OF_RECORDINGS)
 }
 
 impl ReplayArguments {
-    fn settings(&self, recorded: Setting) -> Result<Vec<Setting>, Failure> {
-        self.grid.grid().settings(recorded).map_err(Failure::bad_input)
-    }
-
     /// Curves, contention, or the table of counts.
-    fn print<S: Subject>(&self, subject: &S, settings: &[Setting], damage: Option<String>) -> Result<(), Failure> {
-        let Question { curve, verify, contention, timings, classes, .. } = self.question;
+    fn print<S: subject::Subject>(
+        &self,
+        subject: &S,
+        settings: &[Setting],
+        damage: Option<String>,
+        hidden: &'static [&'static str],
+    ) -> Result<(), Failure> {
+        let Asked { curve, verify, contention, timings, classes, .. } = self.asked;
         if curve {
-            return curve::print_curves(subject, settings, self.format, verify, damage.is_some());
+            return curve::print_curves(subject, settings, self.format, verify, damage.is_some(), hidden);
         }
         if contention {
-            contention::print_contention(subject, settings, self.grid.has_nodes(), self.format)?;
+            contention::print_contention(subject, settings, self.format)?;
             return print_approximate(damage.as_deref(), self.format);
         }
-        let evaluation = Evaluation { timings: timings || self.grid.varies_bus(), classes, damage };
+        let writing = self.import.writing();
+        let evaluation = Evaluation { timings: timings || self.grid.varies_times(), classes, damage, writing };
         let parts = Parts::new("nodes");
         let rows = evaluate(subject, settings, &evaluation, |all| parts.done(all));
         parts.clear();
-        print_rows(&rows.map_err(|error| Failure::bad_input(error.to_string()))?, self.format)
+        let rows = rows.map_err(|error| Failure::bad_input(error.to_string()))?;
+        print_rows(&rows, self.format, if are_timed(&rows) { &[] } else { hidden })
     }
 }
 
-fn print_rows(rows: &[Row], format: Format) -> Result<(), Failure> {
+/// Whether any of the rows has cycles, which on-demand assignment always has.
+pub(super) fn are_timed(rows: &[Row]) -> bool {
+    rows.iter().any(|row| row.cycles.is_some())
+}
+
+fn print_rows(rows: &[Row], format: Format, hidden: &'static [&'static str]) -> Result<(), Failure> {
     let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
     reasons.sort_unstable();
     reasons.dedup();
-    print(&Table::new(rows)?.print(format, &SETTINGS))?;
+    print(&Table::new(rows)?.hiding(hidden).print(format, &SETTINGS))?;
     reasons.into_iter().try_for_each(|reason| print_approximate(Some(reason), format))
 }
 

@@ -5,10 +5,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::cli::grid_options::{SETTINGS, TIMES};
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use ground::atomic_file;
-use machine::hardware::local_memory::Geometry;
+use machine::hardware::local_memory::{Geometry, MemoryShape};
 use machine::recording::references::Recording;
 use machine::replay::model::counts::ratio;
 use machine::replay::model::node::replay_node;
@@ -31,6 +32,10 @@ pub(super) enum HeatMap {
 
 #[derive(Serialize)]
 struct Row {
+    #[serde(flatten)]
+    setting: Setting,
+    #[serde(flatten)]
+    memory: MemoryShape,
     /// By what the row is counted: section, octree level, ray kind or tile.
     by: &'static str,
     name: String,
@@ -46,8 +51,7 @@ fn counted(recording: &Recording, setting: &Setting) -> Result<Origins, Failure>
     if setting.assignment == Assignment::OnDemand {
         return Err(Failure::bad_input("origins need to know who traces what: expected recorded or interleaved"));
     }
-    let geometry = Geometry::new(&setting.memory(), &recording.layout)
-        .map_err(|error| Failure::bad_input(format!("local memory: {error}")))?;
+    let geometry = geometry(recording, setting)?;
     let Recording { layout, octree_levels, tiling, .. } = recording;
     let mut tally = OriginsTally::new(recording, layout, octree_levels, *tiling);
     for processes in &schedule(recording, setting).nodes {
@@ -55,6 +59,11 @@ fn counted(recording: &Recording, setting: &Setting) -> Result<Origins, Failure>
             .map_err(|error| Failure::bad_input(error.to_string()))?;
     }
     Ok(tally.origins)
+}
+
+fn geometry(recording: &Recording, setting: &Setting) -> Result<Geometry, Failure> {
+    Geometry::new(&setting.memory(), &recording.layout)
+        .map_err(|error| Failure::bad_input(format!("local memory: {error}")))
 }
 
 fn one(settings: &[Setting]) -> Result<&Setting, Failure> {
@@ -65,12 +74,16 @@ fn one(settings: &[Setting]) -> Result<&Setting, Failure> {
 }
 
 pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format: Format) -> Result<(), Failure> {
-    let origins = counted(recording, one(settings)?)?;
+    let setting = one(settings)?;
+    let memory = geometry(recording, setting)?.into();
+    let origins = counted(recording, setting)?;
     let all: u64 = origins.kinds.iter().map(|kind| kind.record_misses).sum();
     let mut rows = Vec::new();
     let mut add = |by: &'static str, name: String, totals: &Counters| {
         if totals.record_accesses > 0 {
             rows.push(Row {
+                setting: *setting,
+                memory,
                 by,
                 name,
                 record_accesses: totals.record_accesses,
@@ -91,11 +104,12 @@ pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format:
         tiles.truncate(10);
     }
     tiles.into_iter().for_each(|(tile, totals)| add("tile", tile.to_string(), totals));
-    print(&Table::new(&rows)?.print(format, &[]))
+    print(&Table::new(&rows)?.hiding(&TIMES).print(format, &SETTINGS))
 }
 
 pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, out: &Path) -> Result<(), Failure> {
-    let origins = counted(recording, one(settings)?)?;
+    let setting = one(settings)?;
+    let origins = counted(recording, setting)?;
     let value = |pixel: &machine::replay::origin::origins::PixelCounts| match what {
         HeatMap::Misses => pixel.record_misses,
         HeatMap::Octree => pixel.octree_accesses,
@@ -113,5 +127,6 @@ pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, o
         HeatMap::Misses => ("misses", "logarithmic"),
         HeatMap::Octree => ("octree nodes read", "linear"),
     };
-    print(&format!("{}: {min} to {max} {unit} a pixel, {scale}\n", out.display()))
+    let heading = Table::new(std::slice::from_ref(setting))?.hiding(&TIMES).heading(&SETTINGS);
+    print(&format!("{heading}\n\n{}: {min} to {max} {unit} per pixel, {scale}\n", out.display()))
 }

@@ -17,10 +17,10 @@ pub(super) struct ToBus {
     #[arg(long, value_name = "ADDRESS", group = "mode", requires = "token")]
     to_bus: Option<SocketAddr>,
     /// The file with that bus's token
-    #[arg(long, value_name = "FILE", requires = "to_bus")]
+    #[arg(long, value_name = "FILE")]
     token: Option<PathBuf>,
     /// How fast requests follow one another
-    #[arg(long, value_enum, default_value_t = PaceName::Fastest, requires = "to_bus")]
+    #[arg(long, value_enum, default_value_t = PaceName::Fastest)]
     pace: PaceName,
 }
 

@@ -50,16 +50,17 @@ impl Contention {
             clusters: 1,
             tile_order: TileOrder::Scanline,
             assignment: Assignment::OnDemand,
-            bus_width,
-            arbiter: traced.run.bus.arbiter,
+            bus: Bus { width: bus_width, ..traced.run.bus },
+            processor: traced.run.processor,
         };
+        let settings: Vec<_> = nodes.iter().map(|&nodes| Setting { nodes, ..setting }).collect();
         Ok(Self {
             conditions: Conditions::new(traced, line, setting.tile_order),
             local_memory: size,
             assignment: setting.assignment,
-            processor: traced.run.processor,
-            bus: Bus { width: bus_width, ..traced.run.bus },
-            table: contention_table(traced, setting, nodes, |_| {})?,
+            processor: setting.processor,
+            bus: setting.bus,
+            table: contention_table(traced, &settings, |_| {})?,
         })
     }
 }

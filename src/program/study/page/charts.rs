@@ -58,10 +58,10 @@ pub fn contention(contention: &Contention) -> Figure {
     let Contention { conditions, local_memory, bus, table, .. } = contention;
     let series = |name: &str, style, of: fn(&ContentionRow) -> f64| Series {
         name: name.to_owned(),
-        points: table.rows.iter().map(|row| (f64::from(row.nodes), 100.0 * of(row))).collect(),
+        points: table.rows.iter().map(|row| (f64::from(row.setting.nodes), 100.0 * of(row))).collect(),
         style,
     };
-    let last = table.rows.iter().map(|row| row.nodes).max().unwrap_or(2);
+    let last = table.rows.iter().map(|row| row.setting.nodes).max().unwrap_or(2);
     Figure {
         chart: Chart {
             title: format!("Contention: {}, lines of {}", conditions.scene, conditions.line_bytes),

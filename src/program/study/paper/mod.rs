@@ -30,7 +30,7 @@ use machine::tile_order::TileOrder;
 use trace::picture::{ImageSettings, Sides, Tiling};
 use trace::preparation::{self, PreparationError, Prepared, ViewChoices};
 use trace::scene::SceneSource;
-use trace::scene::procedural::{Kind, Procedural};
+use trace::scene::procedural::{Board, Kind, Procedural};
 use trace::tracer::octree::Octree;
 
 /// How it is printed: raised with every change of meaning.
@@ -68,14 +68,14 @@ const fn leaves(leaf_size: u32, max_depth: u32) -> Octree {
 }
 
 pub const GEARS: PaperScene = PaperScene {
-    scene: Procedural { kind: Kind::Gears, size: 2 },
+    scene: Procedural { kind: Kind::Gears, size: 2, board: Board::Squares },
     figure: "Figure 6",
     octrees: &[leaves(16, 8), leaves(8, 8), leaves(3, 12)],
     table: published::TABLE_GEARS,
 };
 
 pub const TEAPOT: PaperScene = PaperScene {
-    scene: Procedural { kind: Kind::Teapot, size: 12 },
+    scene: Procedural { kind: Kind::Teapot, size: 12, board: Board::Squares },
     figure: "Figure 7",
     octrees: &[leaves(12, 10), leaves(8, 10)],
     table: published::TABLE_TEAPOT,
@@ -220,7 +220,7 @@ mod tests {
     /// The paper's study of a scene that is not the paper's.
     fn small() -> Paper {
         let scene = PaperScene {
-            scene: Procedural { kind: Kind::Gears, size: 1 },
+            scene: Procedural { kind: Kind::Gears, size: 1, board: Board::Squares },
             figure: "Figure 0",
             octrees: &[OCTREE],
             table: published::TABLE_GEARS,

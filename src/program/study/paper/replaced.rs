@@ -34,8 +34,8 @@ impl Replaced {
             clusters: 1,
             tile_order: TileOrder::Scanline,
             assignment: Assignment::Interleaved,
-            bus_width: traced.run.bus.width,
-            arbiter: traced.run.bus.arbiter,
+            bus: traced.run.bus,
+            processor: traced.run.processor,
         };
         let settings: Vec<_> =
             POLICIES.iter().flat_map(|&policy| published::TABLE_SIZES.map(|size| setting(policy, size))).collect();

@@ -122,7 +122,7 @@ impl Rows {
         let Conditions { scene, octree, .. } = &contention.conditions;
         let part = format!("contention on a bus of {} bytes", contention.bus.width);
         for found in &contention.table.rows {
-            let at = place(&contention.conditions, found.nodes, contention.local_memory);
+            let at = place(&contention.conditions, found.setting.nodes, contention.local_memory);
             let mut row = |quantity, value| self.row(&part, scene, *octree, &at, quantity, value, None);
             row("cycles", found.cycles as f64);
             row("speed_up", found.speed_up);

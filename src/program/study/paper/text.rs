@@ -301,7 +301,7 @@ fn contention_table(out: &mut String, contention: &Contention) -> std::fmt::Resu
     ]);
     for row in &found.rows {
         table.row(vec![
-            row.nodes.to_string(),
+            row.setting.nodes.to_string(),
             format!("{:.4}", row.misses_per_record_access),
             format!("{:.1}", row.saturation),
             format!("{:.1}", row.knee),

@@ -1,7 +1,7 @@
 //! A small scene for tests: the gears at 40×40 pixels.
 
 use crate::study::runs::traced::{Run, Traced};
-use machine::hardware::specification::{Arbiter, Bus, MemorySize, Processor};
+use machine::hardware::specification::{Bus, MemorySize, Processor};
 use machine::replay::Captured;
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
 use machine::tile_order::TileOrder;
@@ -42,7 +42,7 @@ pub(in crate::study) fn setting(nodes: u16) -> Setting {
         clusters: 1,
         tile_order: TileOrder::Scanline,
         assignment: Assignment::Interleaved,
-        bus_width: Bus::DEFAULT.width,
-        arbiter: Arbiter::Fifo,
+        bus: Bus::DEFAULT,
+        processor: Processor::DEFAULT,
     }
 }

@@ -97,8 +97,8 @@ impl<T: Trace> Trace for Traced<T> {
 impl<T: Trace> DatabaseTrace for Traced<T> {
     #[inline(always)]
     fn source(&self) -> TraceSource<'_> {
-        let Self { layout, numbers, run: Run { tiling, seed, processor, bus, .. }, .. } = self;
-        TraceSource { layout, numbers, tiling: *tiling, seed: *seed, processor: *processor, bus: *bus }
+        let Self { layout, numbers, run: Run { tiling, seed, .. }, .. } = self;
+        TraceSource { layout, numbers, tiling: *tiling, seed: *seed }
     }
 }
 
@@ -124,6 +124,8 @@ fn reads(
                             detail.ray(kind);
                         }
                         Event::Read(record) => detail.read(record, 0, 0),
+                        // What tracers never do.
+                        _ => {}
                     }
                 }
             }
@@ -175,7 +177,7 @@ mod tests {
             let schedule = TileSchedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));
             let curve = traced.curve(&schedule, setting.line).expect("in memory");
             assert_eq!(
-                curve.at((rows[0].local_bytes / u64::from(setting.line)) as u32).record_misses,
+                curve.at((rows[0].memory.local_bytes / u64::from(setting.line)) as u32).record_misses,
                 rows[0].counts.misses
             );
             rows[0].counts.line_misses

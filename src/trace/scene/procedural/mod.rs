@@ -27,6 +27,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use teapot::Board;
 pub use writer::write_nff;
 
 use super::{Camera, Light, Material, Polygon, Scene};
@@ -41,6 +42,9 @@ pub struct Procedural {
     pub kind: Kind,
     /// Size factor, for SPD's scenes SPD's; its range depends on the kind.
     pub size: u32,
+    /// Of a teapot; [`Board::Squares`] for all others.
+    #[serde(default)]
+    pub board: Board,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -79,6 +83,11 @@ pub struct SizeError {
     pub size: u32,
 }
 
+/// A kind that has no board was to be without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0} has no board, expected teapot")]
+pub struct BoardError(pub Kind);
+
 /// No such procedural scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{_0:?} is not a procedural scene, expected {list}", list = Kind::LIST)]
@@ -88,6 +97,8 @@ pub struct KindError(String);
 pub enum WriteError {
     #[error(transparent)]
     Size(#[from] SizeError),
+    #[error(transparent)]
+    Board(#[from] BoardError),
     #[error(transparent)]
     Io(#[from] io::Error),
 }
@@ -186,14 +197,23 @@ impl Procedural {
     /// The kind is not made in this size.
     pub fn new(kind: Kind, size: Option<u32>) -> Result<Self, SizeError> {
         let size = size.unwrap_or(kind.default_size());
-        if kind.sizes().contains(&size) { Ok(Self { kind, size }) } else { Err(SizeError { kind, size }) }
+        let scene = Self { kind, size, board: Board::Squares };
+        if kind.sizes().contains(&size) { Ok(scene) } else { Err(SizeError { kind, size }) }
+    }
+
+    /// The same with this board.
+    ///
+    /// # Errors
+    /// The kind has none.
+    pub fn on(self, board: Board) -> Result<Self, BoardError> {
+        if self.kind == Kind::Teapot { Ok(Self { board, ..self }) } else { Err(BoardError(self.kind)) }
     }
 
     /// The scene in full precision; files have six digits.
     pub fn scene(&self) -> Scene {
         match self.kind {
             Kind::Gears => gears::scene(self.size),
-            Kind::Teapot => teapot::scene(self.size),
+            Kind::Teapot => teapot::scene(self.size, self.board),
             Kind::Balls => balls::scene(self.size),
             Kind::Tetra => tetra::scene(self.size),
             Kind::Slivers => slivers::scene(self.size),
@@ -209,10 +229,11 @@ impl Procedural {
 /// standard output.
 ///
 /// # Errors
-/// The kind is not made in this size, or the output cannot be written. A reader of standard output that
+/// The kind is not made in this size or has no board, or the output cannot be written. A reader of standard output that
 /// has seen enough (`| head`) is no error.
-pub fn write(kind: Kind, size: Option<u32>, file: Option<&Path>) -> Result<(), WriteError> {
-    let scene = Procedural::new(kind, size)?.scene();
+pub fn write(kind: Kind, size: Option<u32>, board: Option<Board>, file: Option<&Path>) -> Result<(), WriteError> {
+    let scene = Procedural::new(kind, size)?;
+    let scene = board.map_or(Ok(scene), |board| scene.on(board))?.scene();
     match file {
         Some(file) => atomic_file::write(file, |out| write_nff(&scene, out))?,
         None => {
@@ -346,7 +367,7 @@ mod tests {
         for (kind, size, name) in REFERENCES {
             let Some(path) = reference(name) else { return };
             let theirs = nff::load(&path).expect("a reference scene");
-            assert_same_scene(&Procedural { kind, size }.scene(), &theirs);
+            assert_same_scene(&Procedural { kind, size, board: Board::Squares }.scene(), &theirs);
         }
     }
 
@@ -370,8 +391,8 @@ mod tests {
         for kind in Kind::ALL {
             let size = *kind.sizes().start() + 1;
             let file = folder.path().join(format!("{kind}.nff"));
-            write(kind, Some(size), Some(&file)).expect("written");
-            let written = with_materials_as_written(Procedural { kind, size }.scene());
+            write(kind, Some(size), None, Some(&file)).expect("written");
+            let written = with_materials_as_written(Procedural { kind, size, board: Board::Squares }.scene());
             assert_same_scene(&nff::load(&file).expect("valid"), &written);
         }
         let files = std::fs::read_dir(folder.path()).expect("a folder").count();
@@ -380,7 +401,7 @@ mod tests {
 
     #[test]
     fn primitives_are_as_many_as_the_definitions_say() {
-        let scene = |kind, size| Procedural { kind, size }.scene();
+        let scene = |kind, size| Procedural { kind, size, board: Board::Squares }.scene();
         let gears = scene(Kind::Gears, 4);
         let quads = gears.polygons.iter().filter(|p| p.vertex_count == 4).count();
         assert_eq!((quads, gears.polygons.len() - quads), (9217, 128));
@@ -440,15 +461,34 @@ mod tests {
     #[test]
     fn the_same_scene_is_made_again() {
         for kind in Kind::ALL {
-            let small = Procedural { kind, size: *kind.sizes().start() };
+            let small = Procedural { kind, size: *kind.sizes().start(), board: Board::Squares };
             assert_eq!(small.scene(), small.scene(), "{kind}");
+        }
+    }
+
+    #[test]
+    fn a_teapot_without_its_board_is_the_rest_of_the_scene() {
+        let with = Procedural::new(Kind::Teapot, None).expect("a default");
+        let without = with.on(Board::None).expect("a teapot");
+        let (with, without) = (with.scene(), without.scene());
+        // The paper, sections 2.2 and 7.
+        assert_eq!((without.polygons.len(), without.materials.len()), (9120, 1));
+        let triangles = with.polygons.len() - without.polygons.len()..;
+        for (a, b) in with.polygons[triangles].iter().zip(&without.polygons) {
+            assert_eq!((with.corners(a), a.vertex_count, b.material), (without.corners(b), 3, 0));
+        }
+        assert_eq!((&with.normals, with.materials[2]), (&without.normals, without.materials[0]));
+        assert_eq!((&with.lights, with.camera, with.background), (&without.lights, without.camera, without.background));
+        for kind in Kind::ALL.into_iter().filter(|&kind| kind != Kind::Teapot) {
+            let scene = Procedural::new(kind, None).expect("a default");
+            assert_eq!(scene.on(Board::None), Err(BoardError(kind)));
         }
     }
 
     #[test]
     fn every_teapot_has_unit_normals() {
         for size in (2..40).chain([90]) {
-            let teapot = Procedural { kind: Kind::Teapot, size }.scene();
+            let teapot = Procedural { kind: Kind::Teapot, size, board: Board::Squares }.scene();
             assert!(teapot.normals.iter().all(|normal| normal.is_normalized()), "size {size}");
         }
     }
@@ -464,7 +504,10 @@ mod tests {
 
     #[test]
     fn sizes_and_names_are_checked() {
-        assert_eq!(Procedural::new(Kind::Tetra, None), Ok(Procedural { kind: Kind::Tetra, size: 6 }));
+        assert_eq!(
+            Procedural::new(Kind::Tetra, None),
+            Ok(Procedural { kind: Kind::Tetra, size: 6, board: Board::Squares })
+        );
         for kind in Kind::ALL {
             assert_eq!(kind.to_string().parse(), Ok(kind));
             assert!(kind.sizes().contains(&kind.default_size()));

@@ -1,10 +1,44 @@
-//! The Utah teapot on a chequerboard.
+//! The Utah teapot, on a chequerboard or without it.
+
+use std::str::FromStr;
 
 use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::teapot_patches::PATCHES;
 use super::{empty_scene, shine};
 use crate::scene::{Material, Scene};
+
+/// What the teapot stands on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Board {
+    /// A chequerboard of n² squares, as in SPD.
+    #[default]
+    Squares,
+    /// Nothing: the paper counts the teapot's own 9120 triangles alone.
+    None,
+}
+
+impl Board {
+    /// As in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Squares => "squares",
+            Self::None => "none",
+        }
+    }
+}
+
+impl FromStr for Board {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = [Self::Squares, Self::None].into_iter().find(|board| board.name() == name);
+        found.ok_or_else(|| "expected squares or none".to_owned())
+    }
+}
 
 type Patch = [[[f64; 3]; 4]; 4];
 
@@ -15,11 +49,13 @@ const CUSP_DISTANCE: f64 = 1e-4;
 /// Cusps above this are the lid's.
 const CUSP_MIDDLE_Z: f64 = 1.5;
 
-pub(super) fn scene(size: u32) -> Scene {
+pub(super) fn scene(size: u32, board: Board) -> Scene {
     let lights = [[-3.1, 9.8, 12.1], [11.3, 5.1, 8.8]];
     let mut scene = empty_scene(DVec3::new(4.86, 7.2, 5.4), DVec3::ZERO, DVec3::Z, lights.map(DVec3::from));
-    add_squares(&mut scene, size, 1, 1.0);
-    add_squares(&mut scene, size, 0, 0.5);
+    if board == Board::Squares {
+        add_squares(&mut scene, size, 1, 1.0);
+        add_squares(&mut scene, size, 0, 0.5);
+    }
     scene.set_material(Material::from_nff(DVec3::new(1.0, 0.5, 0.1), 0.75, 0.25, shine(37.0), 0.0, 0.0));
     for patch in &PATCHES {
         add_patch(&mut scene, size, patch);

@@ -140,7 +140,8 @@ impl fmt::Display for Number {
 mod tests {
     use super::*;
     use crate::scene::procedural::tests::{REFERENCES, reference};
-    use crate::scene::{Cone, Sphere, procedural::Procedural};
+    use crate::scene::procedural::{Board, Procedural};
+    use crate::scene::{Cone, Sphere};
 
     #[test]
     fn numbers_are_printed_as_c_prints_them() {
@@ -174,7 +175,7 @@ mod tests {
             let Some(path) = reference(name) else { return };
             let theirs = std::fs::read_to_string(path).expect("a reference scene");
             let mut ours = Vec::new();
-            write_nff(&Procedural { kind, size }.scene(), &mut ours).expect("memory");
+            write_nff(&Procedural { kind, size, board: Board::Squares }.scene(), &mut ours).expect("memory");
             let ours = String::from_utf8(ours).expect("text");
             assert_eq!(ours.lines().count(), theirs.lines().count());
             let lines = ours.lines().zip(theirs.lines()).enumerate();

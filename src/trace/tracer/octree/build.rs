@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use crate::database::compile::compile;
     use crate::database::records::OctreeNode;
-    use crate::scene::procedural::{Kind, Procedural};
+    use crate::scene::procedural::{Board, Kind, Procedural};
     use crate::scene::{Material, Polygon, Scene};
     use crate::tracer::octree::complete;
 
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn any_scene_is_below_600_bytes_a_primitive_and_a_mebibyte() {
-        let procedural = |kind, size| Procedural { kind, size }.scene();
+        let procedural = |kind, size| Procedural { kind, size, board: Board::Squares }.scene();
         let scenes = [
             large_triangles(3000),
             procedural(Kind::Slivers, 2),

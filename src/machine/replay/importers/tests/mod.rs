@@ -11,7 +11,7 @@ use super::{
     CsvOptions, ImportFormat, ImportOptions, Imported, TableLines, csv, din, import, import_from, json, oracle_general,
 };
 use crate::hardware::local_memory::Geometry;
-use crate::hardware::references::PART_WORDS;
+use crate::hardware::references::{PART_WORDS, ReferenceWord};
 use crate::hardware::replacement::{Clock, Lru};
 use crate::replay::exporters::{self, accesses::Surroundings};
 use crate::replay::model::replayer::{Counters, Replayer, Sum};
@@ -42,7 +42,8 @@ fn sets_of(imported: &Imported, lines: &TableLines) -> Vec<u32> {
         let (first, count) = lines.of(record);
         first..first + count
     };
-    words.iter().flat_map(lines_of).map(|line| lines.set(line, 7) as u32).collect()
+    let referenced: Vec<u32> = words.iter().filter_map(|&word| ReferenceWord(word).record()).collect();
+    referenced.iter().flat_map(lines_of).map(|line| lines.set(line, 7) as u32).collect()
 }
 
 #[test]
