@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::text_file::words;
 use super::{champsim, din, lackey, oracle_general, ramulator};
 
 /// A format that can be imported.
@@ -33,13 +34,25 @@ pub const FORMATS: &str = "din (.din), oracle-general (.oracleGeneral, .oracleGe
     each also in .gz, .zst or .xz";
 
 impl ImportFormat {
-    /// By the beginning of a trace where that leaves no doubt, else by the file's name.
+    /// By the beginning of a trace where that leaves no doubt, else by the file's name. A table may look like many formats: its
+    /// name comes first. What is not clearly a list of ids is none, whatever its name.
     pub fn recognise(path: &Path, prefix: &[u8]) -> Option<Self> {
-        Self::by_text(prefix).or_else(|| Self::by_name(path)).or_else(|| Self::by_records(prefix))
+        let named = Self::by_name(path);
+        if named == Some(Self::Csv) {
+            return named;
+        }
+        let is_list = first_line(prefix).is_none_or(|line| words(line).count() == 1);
+        let named = named.filter(|format| *format != Self::Ids || is_list);
+        Self::by_text(prefix).or(named).or_else(|| Self::by_records(prefix))
+    }
+
+    /// Whether a file of this name would be taken for a trace.
+    pub fn is_named(path: &Path) -> bool {
+        Self::by_name(path).is_some()
     }
 
     fn by_text(prefix: &[u8]) -> Option<Self> {
-        let first = prefix.split(|byte| *byte == b'\n').find(|line| !line.trim_ascii().is_empty())?;
+        let first = first_line(prefix)?;
         if lackey::is_line(first) {
             return Some(Self::Lackey);
         }
@@ -83,4 +96,9 @@ impl ImportFormat {
         }
         oracle_general::is_beginning(prefix).then_some(Self::OracleGeneral)
     }
+}
+
+/// The first line that is not empty.
+fn first_line(prefix: &[u8]) -> Option<&[u8]> {
+    prefix.split(|byte| *byte == b'\n').find(|line| !line.trim_ascii().is_empty())
 }

@@ -114,7 +114,7 @@ impl Imported {
         self.notes
     }
 
-    /// A record's first byte and how many it has; an object has one.
+    /// A record's first byte and how many it has; an object has one. What lies within 16 bytes at a multiple of 16 begins there.
     ///
     /// # Panics
     /// There is no such record.

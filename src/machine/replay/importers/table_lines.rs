@@ -13,7 +13,11 @@ pub(super) const LINES_MAX: u64 = 1 << 28;
 /// Lines whose run is looked up together.
 const BLOCK_SHIFT: u32 = 6;
 
-/// Bytes that are referenced together.
+/// No line is shorter.
+const LINE_BYTES_MIN: u64 = 16;
+
+/// Bytes that are referenced together. What lies within a line of the shortest size begins where that does: it is in the same
+/// lines, and there are fewer different ones.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub(super) struct Extent {
     address: u64,
@@ -27,10 +31,11 @@ impl Extent {
         if !(1..=EXTENT_BYTES_MAX).contains(&bytes) {
             return Err(format!("{bytes} bytes, expected 1 to {EXTENT_BYTES_MAX}"));
         }
-        if address.checked_add(u64::from(bytes) - 1).is_none() {
+        let Some(last) = address.checked_add(u64::from(bytes) - 1) else {
             return Err(format!("address {address:#x} and {bytes} bytes, expected an end within 64 bits"));
-        }
-        Ok(Self { address, bytes })
+        };
+        let first = address - address % LINE_BYTES_MIN;
+        Ok(Self { address: if last - first < LINE_BYTES_MIN { first } else { address }, bytes })
     }
 
     pub(super) fn address(self) -> u64 {
@@ -188,12 +193,13 @@ mod tests {
             extents in prop::collection::vec((0u64..40_000, 1u32..3000, any::<bool>()), 1..80),
             line_shift in 4u32..17,
         ) {
-            let extents: Vec<Extent> = extents
-                .into_iter()
-                .map(|(address, bytes, far)| Extent::new(address + if far { 1 << 50 } else { 0 }, bytes).expect("possible"))
-                .collect();
-            let lines = TableLines::of_extents(&extents, 1 << line_shift).expect("few");
-            let of = |extent: &Extent| extent.lines(line_shift).0..=extent.lines(line_shift).1;
+            let far = |(address, bytes, far)| (address + if far { 1u64 << 50 } else { 0 }, bytes);
+            let extents: Vec<(u64, u32)> = extents.into_iter().map(far).collect();
+            let possible = |&(address, bytes): &(u64, u32)| Extent::new(address, bytes).expect("possible");
+            let lines = TableLines::of_extents(&extents.iter().map(possible).collect::<Vec<_>>(), 1 << line_shift);
+            let lines = lines.expect("few");
+            let line = |byte: u64| byte >> line_shift;
+            let of = |&(address, bytes): &(u64, u32)| line(address)..=line(address + u64::from(bytes) - 1);
             let all: Vec<u64> = extents.iter().flat_map(of).collect::<BTreeSet<u64>>().into_iter().collect();
             prop_assert_eq!(lines.count() as usize, all.len());
             for (line, &number) in (0..).zip(&all) {

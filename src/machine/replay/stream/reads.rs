@@ -42,10 +42,9 @@ pub fn not_read(word: u32, lines: &impl Lines) -> Result<Option<(u32, u32)>, Tra
             Ok(Some((first, count)))
         }
         Some(Event::Read(_) | Event::Ray(_) | Event::CopyBack(_) | Event::CopyBackAll) => Ok(None),
-        Some(Event::Invalidate(_) | Event::InvalidateAll) => Err(TraceError(
-            "a trace with invalidations: expected one without, or counts alone, of a policy that a memory has"
-                .to_owned(),
-        )),
+        Some(Event::Invalidate(_) | Event::InvalidateAll) => {
+            Err(TraceError("a trace with invalidations, expected one without".to_owned()))
+        }
         None => Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
     }
 }

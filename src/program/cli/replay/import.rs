@@ -61,8 +61,8 @@ pub(super) enum Answer {
 impl ImportArguments {
     /// Whether the path is a trace: no folder of a run, or called a trace.
     pub(super) fn is_of(&self, path: &Path) -> bool {
-        let is_there = path.exists() && !path.is_dir();
-        path.as_os_str() == STANDARD_INPUT || is_there || self.import.is_some()
+        let is_trace = self.import.is_some() || path.exists() || ImportFormat::is_named(path);
+        path.as_os_str() == STANDARD_INPUT || is_trace && !path.is_dir()
     }
 
     pub(super) fn writing(&self) -> Writing {
@@ -90,7 +90,13 @@ impl ImportArguments {
             let what = "--write-policy and --write-allocate: a trace without writes, expected one with writes";
             return Err(Failure::bad_input(what));
         }
-        let counts_reads = given.has("curve") || settings.iter().all(|setting| setting.replacement == Policy::Optimal);
+        let is_optimal = |setting: &Setting| setting.replacement == Policy::Optimal;
+        let of_all_sizes = given.has("curve") || given.has("classes") || settings.iter().any(is_optimal);
+        if notes.invalidations > 0 && of_all_sizes {
+            let what = "a trace with invalidations has no curve, classes of misses or optimum: expected counts of other policies";
+            return Err(Failure::bad_input(what));
+        }
+        let counts_reads = given.has("curve") || settings.iter().all(is_optimal);
         if notes.writes > 0 && counts_reads {
             outlet::say(format_args!("note: {} writes count as reads", notes.writes));
         } else if notes.writes > 0 && !is_written {

@@ -163,6 +163,9 @@ fn json_needs_an_address() {
 
 #[test]
 fn what_is_not_recognised_gets_a_list() {
+    // Dinero's classic format looks like others.
+    assert!(recognised("x.txt", b"0 40\n").is_err());
+    assert!(recognised("x.csv", b"1 R\n2 W\n").expect_err("a table").contains("no names of columns"));
     for (name, bytes) in
         [("x", &b"hello\n"[..]), ("-", b"1,2\n3,4\n"), ("x.oracleGeneralOpNS", &[7; 54]), ("y.bin", b"")]
     {
