@@ -12,6 +12,7 @@ mod faults;
 mod floating_point;
 mod frames;
 mod hosts;
+mod imports;
 mod libcachesim;
 mod limits;
 mod output;

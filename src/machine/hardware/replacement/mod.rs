@@ -21,7 +21,8 @@ pub use sieve::Sieve;
 pub use srrip::Srrip;
 
 /// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
-/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
+/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim, and so are those, later, whose line
+/// is invalidated.
 ///
 /// # Contract
 /// Unless [`Self::REPEATED_HITS_COUNT`] is true, a hit on the line that was hit last, with nothing in between, changes nothing:

@@ -13,3 +13,4 @@ pub mod optimal;
 pub mod recount;
 pub mod replayer;
 pub mod stack_distance;
+pub mod writes;

@@ -9,6 +9,7 @@
 
 mod clock;
 mod fifo;
+mod imported;
 mod lru;
 mod optimal;
 mod random;
