@@ -5,7 +5,7 @@ import re
 import sys
 
 NAMES = ["figure1", "figure6", "figure7", "table1-gears", "table1-teapot", "lru",
-         "contention-gears-16", "contention-gears-64", "contention-teapot-16", "contention-teapot-64"]
+         "contention-gears", "contention-teapot"]
 IMAGES = pathlib.Path(__file__).parent.parent / "images"
 
 charts = re.findall(r"<svg.*?</svg>", pathlib.Path(sys.argv[1]).read_text(), re.DOTALL)
