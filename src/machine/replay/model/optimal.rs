@@ -108,7 +108,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
+    use crate::hardware::replacement::{Clock, Clock0, Fifo, Lru, Random, Replacement, S3Fifo, Sieve, Srrip};
     use crate::replay::model::replayer::{Replayer, Sum};
     use crate::replay::stream::reads::tests::{Overlapping, Single, captured};
 
@@ -219,7 +219,17 @@ mod tests {
             for (geometry, totals) in geometries.into_iter().zip(totals) {
                 let expected = by_looking_ahead(&records, &lines, geometry.sets, geometry.ways as usize);
                 prop_assert_eq!(totals, expected, "{:?}", geometry);
-                for replayed in [replayed::<Lru>, replayed::<Fifo>, replayed::<Clock>, replayed::<Random>] {
+                let all = [
+                    replayed::<Lru>,
+                    replayed::<Fifo>,
+                    replayed::<Clock>,
+                    replayed::<Clock0>,
+                    replayed::<Random>,
+                    replayed::<Srrip>,
+                    replayed::<Sieve>,
+                    replayed::<S3Fifo>,
+                ];
+                for replayed in all {
                     prop_assert!(totals.line_misses <= replayed(&records, &lines, geometry).line_misses);
                 }
             }

@@ -30,12 +30,11 @@ pub(super) struct Store<O> {
     order: O,
 }
 
-/// No object is placed that is as large: it could fill all of a cache, and no other would fit beside it, were there such memories.
+/// No object of so many bytes is placed.
 const ABSENT: u64 = u64::MAX;
 
 impl<O: Order> Store<O> {
     pub(super) fn new(capacity: u64, objects: u32, order: O) -> Self {
-        // An object of 2⁶⁴ − 1 bytes is absent, and is not placed.
         Self { capacity: capacity.min(ABSENT - 1), occupied: 0, bytes: vec![ABSENT; objects as usize], order }
     }
 
