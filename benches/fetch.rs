@@ -73,7 +73,7 @@ fn compare(placement: &str, keys: &Keys, client: usize, server: usize) -> Result
     pin(server)?;
     let folder = tempfile::tempdir()?;
     // One granule short of 1 MiB is as good as any: the bus does not cache.
-    let layout = Layout::new([(1 << 18) - 64, 0, 0, 0, 0, 0, 0, 0])?;
+    let layout = Layout::new([(1 << 18) - 64, 0, 0, 0, 0, 0, 0, 0, 0])?;
     let bus = start_bus(
         BusConfiguration {
             cluster: ClusterId(0),

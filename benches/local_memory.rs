@@ -13,7 +13,7 @@ use trace::database::{Layout, Section};
 use trace::tracer::MemoryPort;
 
 /// 128 KiB of octree nodes, 160 KB of triangles.
-const RECORDS: [u64; Section::COUNT] = [32_768, 0, 4_096, 0, 0, 0, 0, 0];
+const RECORDS: [u64; Section::COUNT] = [32_768, 0, 4_096, 0, 0, 0, 0, 0, 0];
 /// Reads an iteration.
 const READS: u32 = 4_096;
 

@@ -1,4 +1,4 @@
-//! A database as it comes from a bus, of any bytes: so many records a section, then the image. A node with a small
+//! A database as it comes from a bus, of any bytes: so many records a section, how they are padded, then the image. A node with a small
 //! memory traces it unseen and must end; one with all of it checks it first, and what passes is traced by every kernel.
 //! An octree that leaves something out passes, so that the images need not be the same.
 #![no_main]
@@ -12,6 +12,7 @@ use machine::hardware::local_memory::{Geometry, LocalMemory};
 use machine::hardware::replacement::Lru;
 use machine::hardware::specification::{LocalMemory as Settings, MemorySize, Replacement};
 use marti_fuzz::{IMAGE, images, view_of};
+use trace::database::strides::Strides;
 use trace::database::verify::Verified;
 use trace::database::{Database, Header, Layout, Normalisation, Section};
 use trace::picture::{AovSet, Rect};
@@ -31,9 +32,13 @@ fn unseen(header: &Header, bytes: &[u8], view: &View) {
 }
 
 fuzz_target!(|data: &[u8]| {
-    let Some((counts, data)) = data.split_at_checked(Section::COUNT + 1) else { return };
+    let Some((counts, data)) = data.split_at_checked(Section::COUNT + 2) else { return };
     let records = std::array::from_fn(|section| u64::from(counts[section]));
-    let layout = Layout::new(records).expect("small");
+    // Triangles and polygons, by so many words.
+    let padding = 4 * u32::from(counts[Section::COUNT + 1] % 112);
+    let mut strides = Strides::CONTENT.bytes();
+    [Section::Triangles, Section::Polygons].into_iter().for_each(|section| strides[section as usize] += padding);
+    let layout = Layout::padded(records, Strides::new(strides).expect("at most 496 bytes")).expect("small");
     let header = Header {
         layout,
         normalisation: Normalisation::new(None),

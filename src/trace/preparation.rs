@@ -13,13 +13,27 @@ pub use chosen_view::{ChosenView, ImageDefaults, choose, view};
 pub use view_choices::{CameraChoices, CameraPart, ViewChoices};
 pub use visibility::is_certain;
 
-use crate::database::compile::compile;
+use crate::database::RecordLayout;
+use crate::database::compile::compile_as;
 use crate::database::verify::Verified;
 use crate::picture::ImageSettings;
 use crate::scene::{Scene, SceneSource, SourceError, Warning};
 use crate::tracer::View;
 use crate::tracer::octree::Octree;
 use crate::tracer::octree::{BuildError, complete};
+
+/// How a scene's database is built. None of it changes the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuildChoices {
+    pub octree: Octree,
+    pub records: RecordLayout,
+}
+
+impl From<Octree> for BuildChoices {
+    fn from(octree: Octree) -> Self {
+        Self { octree, records: RecordLayout::DEFAULT }
+    }
+}
 
 /// A scene, ready to be traced.
 #[derive(Clone, Debug)]
@@ -57,9 +71,14 @@ pub enum PreparationError {
 ///
 /// # Errors
 /// It is larger than can be addressed.
-pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<(Verified, Vec<Warning>), PreparationError> {
+pub fn build(
+    source: &SceneSource,
+    scene: Scene,
+    choices: impl Into<BuildChoices>,
+) -> Result<(Verified, Vec<Warning>), PreparationError> {
+    let BuildChoices { octree, records } = choices.into();
     let failure = |error| PreparationError::Build { scene: source.to_string(), error };
-    let mut records = compile(&scene).map_err(|error| failure(error.into()))?;
+    let mut records = compile_as(&scene, records).map_err(|error| failure(error.into()))?;
     let mut warnings = scene.warnings.all().to_vec();
     warnings.append(&mut records.warnings);
     // A large one is larger than its records.
@@ -74,7 +93,7 @@ pub fn build(source: &SceneSource, scene: Scene, octree: Octree) -> Result<(Veri
 /// The scene cannot be read or is too large, its camera cannot be, or `image` finds that the settings do not fit.
 pub fn prepare(
     source: &SceneSource,
-    octree: Octree,
+    database: impl Into<BuildChoices>,
     choices: &ViewChoices,
     image: impl FnOnce(&ImageDefaults) -> Result<ImageSettings, String>,
 ) -> Result<Prepared, PreparationError> {
@@ -85,7 +104,7 @@ pub fn prepare(
         choose(&scene, choices, image).map_err(PreparationError::View)?;
     let libraries = scene.libraries.clone();
     let start = Instant::now();
-    let (database, mut warnings) = build(source, scene, octree)?;
+    let (database, mut warnings) = build(source, scene, database)?;
     let build = start.elapsed();
     let may_be_seen = visibility::of_bounds(bounds, &view).is_none();
     warnings.extend(of_view.into_iter().chain(may_be_seen.then(|| visibility::of_light(&database, &view)).flatten()));

@@ -115,7 +115,7 @@ const CASES: &[Case] = &[
         f.change(SIDECAR, |bytes| *bytes = b"{\"format_version\":1,\"rows\":7}".to_vec())
     }),
     ("sidecar: cut in the middle", |f| f.change(SIDECAR, |bytes| bytes.truncate(bytes.len() / 2))),
-    ("sidecar: a later version", |f| f.forge("\"format_version\":1", "\"format_version\":2")),
+    ("sidecar: a later version", |f| f.forge("\"format_version\":1", "\"format_version\":3")),
     ("sidecar: another seed", |f| f.replace("seed = 1", "seed = 7")),
     ("sidecar: another local memory", |f| f.replace("size = \\\"1/8", "size = \\\"1/9")),
     ("sidecar: without its checksum", |f| {

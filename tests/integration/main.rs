@@ -13,6 +13,7 @@ mod floating_point;
 mod frames;
 mod hosts;
 mod imports;
+mod libcachesim;
 mod limits;
 mod output;
 mod play;

@@ -54,7 +54,7 @@ fn assert_checked(report: &Value, about: &str) {
 
 #[test]
 fn replay_equals_live() {
-    let topologies: [&[&str]; 11] = [
+    let topologies: [&[&str]; 13] = [
         &[],
         // Larger than the database, in sets that do not divide it.
         &["cluster.local_memory.size=64 MiB", "cluster.local_memory.ways=7", "cluster.nodes=1"],
@@ -94,6 +94,25 @@ fn replay_equals_live() {
             "cluster.local_memory.ways=1",
             "cluster.local_memory.line=32",
             "image.tile=[64, 1]",
+        ],
+        &[
+            "scene.procedural=gears",
+            "scene.size=1",
+            "database.records=polygons",
+            "database.numbers=f64",
+            "database.record_bytes=300",
+            "octree.leaf_size=1",
+            "octree.max_depth=6",
+            "cluster.local_memory.line=16",
+            "cluster.local_memory.size=1/16",
+            "cluster.nodes=3",
+        ],
+        &[
+            "scene.board=none",
+            "database.record_bytes=496",
+            "cluster.local_memory.size=1/32",
+            "cluster.local_memory.line=16",
+            "cluster.local_memory.replacement=random",
         ],
         &["scene.procedural=balls", "scene.size=2", "cluster.local_memory.size=1/3", "octree.mailbox=false"],
     ];
@@ -245,8 +264,8 @@ const PYARROW: &str = r#"
 import sys, json, pathlib, numpy as np, pyarrow as pa
 folder = pathlib.Path(sys.argv[1])
 sidecar = json.loads((folder / "references.json").read_text())
-sections = ["octree_nodes", "leaf_lists", "triangles", "spheres", "cones", "surfaces", "normals", "materials"]
-ends = np.cumsum([sidecar["records"][section] for section in sections])
+sections = ["octree_nodes", "leaf_lists", "triangles", "spheres", "cones", "surfaces", "normals", "materials", "polygons"]
+ends = np.cumsum([sidecar["records"].get(section, 0) for section in sections])
 reads, kinds, tests, tiles = np.zeros(len(sections), int), np.zeros(4, int), 0, set()
 for file in sidecar["files"]:
     with pa.ipc.open_stream(folder / file["name"]) as stream:

@@ -54,6 +54,40 @@ fn one_process_gives_the_same_image_for_any_threads_octree_and_mailbox() {
     }
 }
 
+/// What is read is another, what is seen is not.
+#[test]
+fn polygons_as_objects_and_padded_records_give_the_same_image() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let gears = ["scene.procedural=gears", "scene.size=1"];
+    let expected = sha256(&render_scene("gears:1", "64x64", out.path(), &[]));
+    let layouts: [&[&str]; 4] = [
+        &["database.records=polygons", "database.numbers=f64", "database.record_bytes=300"],
+        &[
+            "database.records=polygons",
+            "octree.leaf_size=1",
+            "octree.mailbox=false",
+            "run.verify=0.5",
+            "cluster.nodes=3",
+        ],
+        &["database.numbers=f64", "cluster.local_memory.line=16", "cluster.local_memory.size=1/32"],
+        &["database.records=polygons", "cluster.local_memory.size=all"],
+    ];
+    for sets in layouts {
+        let report = expect_same(&expected, &[&gears[..], sets].concat());
+        let by_section = report["memory"]["by_section"].as_array();
+        let polygons = by_section.and_then(|rows| rows.iter().find(|row| row["section"] == "polygons").cloned());
+        let reads = polygons.map(|row| row["record_accesses"].as_u64().expect("a count"));
+        match (sets.contains(&"cluster.local_memory.size=all"), sets[0] == "database.records=polygons") {
+            (true, _) => assert_eq!(reads, None, "packets count nothing"),
+            (false, true) => {
+                assert!(reads > Some(1000), "{reads:?}");
+                assert!(report["tests"]["polygon_triangles"].as_u64() > reads);
+            }
+            (false, false) => assert_eq!((reads, report["tests"].get("polygon_triangles")), (Some(0), None)),
+        }
+    }
+}
+
 #[test]
 fn any_number_of_nodes_and_any_memory_give_the_same_image() {
     let out = tempfile::tempdir().expect("temporary folder");

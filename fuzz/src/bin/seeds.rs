@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 
 use cluster::journal::{Journal, Record, Subject};
 use ground::ids::{Attempt, Epoch, NodeId, Producer, RunId, TileId};
-use trace::database::Section;
+use trace::database::{Numbers, Objects, RecordLayout, Section};
 use trace::picture::{AovSet, Sides, Tiling};
 use trace::scene::load;
-use trace::tracer::octree::{BuildParameters, build_database};
+use trace::tracer::octree::{BuildParameters, build_database_as};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -106,14 +106,19 @@ impl Seeds<'_> {
                 continue;
             }
             self.put("nff", name, &[&fs::read(&file)?])?;
-            let database = build_database(&load(&file)?, BuildParameters { leaf_size: 4, max_depth: 3 })?;
-            let database = database.database();
-            let mut counts = Vec::new();
-            for section in Section::ALL {
-                counts.extend(u8::try_from(database.header.layout.span(section).records));
-            }
-            if counts.len() == Section::COUNT {
-                self.put("database", name, &[&counts, &[3], database.bytes()])?;
+            let parameters = BuildParameters { leaf_size: 4, max_depth: 3 };
+            for objects in [Objects::Triangles, Objects::Polygons] {
+                let layout = RecordLayout::new(objects, Numbers::F32, None)?;
+                let database = build_database_as(&load(&file)?, parameters, layout)?;
+                let database = database.database();
+                let mut counts = Vec::new();
+                for section in Section::ALL {
+                    counts.extend(u8::try_from(database.header.layout.span(section).records));
+                }
+                if counts.len() == Section::COUNT {
+                    let seed = format!("{name}-{}", objects.name());
+                    self.put("database", &seed, &[&counts, &[3, 0], database.bytes()])?;
+                }
             }
         }
         let primitives = fs::read(self.project.join("scenes/primitives.nff"))?;

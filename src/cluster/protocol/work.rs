@@ -53,7 +53,7 @@ impl TileDone {
             return Some(format!("{primary} primary rays, expected {pixels}, one per pixel"));
         }
         let of_trace = trace.rays.iter().chain(&trace.octree_accesses).copied();
-        let others = [trace.primitive_tests, trace.mailbox_skips, trace.non_finite_pixels];
+        let others = [trace.primitive_tests, trace.polygon_triangles, trace.mailbox_skips, trace.non_finite_pixels];
         let counters = memory.iter().flat_map(|memory| memory.counters.as_flattened());
         let of_memory = counters.clone().flat_map(|c| [c.record_accesses, c.line_accesses]);
         if let Some(count) = of_trace.chain(others).chain(of_memory).find(|&count| count > COUNT_MAX) {

@@ -43,17 +43,18 @@ pub struct NodeBook {
 }
 
 impl NodeBook {
-    /// Every visit of an octree node and every test of a primitive reads one record.
+    /// Every visit of an octree node and every test of a primitive reads one record, and every triangle of a polygon.
     fn check(&self) -> Check {
         let read = |section: Section| {
             let total = self.memory.section(section);
             total.record_hits() + total.record_misses
         };
-        let sections = [Section::OctreeNodes, Section::Triangles, Section::Spheres, Section::Cones];
+        let objects = [Section::Triangles, Section::Spheres, Section::Cones, Section::Polygons];
+        let tests = self.trace.primitive_tests + self.trace.polygon_triangles;
         Check::new(
             format!("{}: octree nodes visited + primitives tested = record hits + misses there", self.node),
-            self.trace.octree_accesses.iter().sum::<u64>() + self.trace.primitive_tests,
-            sections.into_iter().map(read).sum(),
+            self.trace.octree_accesses.iter().sum::<u64>() + tests,
+            read(Section::OctreeNodes) + objects.into_iter().map(read).sum::<u64>(),
         )
     }
 }
@@ -170,6 +171,8 @@ impl Conservation {
 mod tests {
     use super::*;
     use crate::report::fixture;
+    use machine::hardware::stats::section_class;
+    use trace::tracer::RayKind;
 
     /// Two nodes of the fixture (50 record misses and 55 line misses of 32 bytes each), 3 fetches of 4 lines
     /// lost with a node, 5 tiles of which 4 are done after one was issued again.
@@ -228,6 +231,22 @@ mod tests {
         assert!(conservation.holds);
         assert_eq!(conservation.checks.len(), 2 + 6 + 1);
         assert_eq!(conservation.unverifiable, ["cluster 1 (epoch 0): its bus or its master died with its books open"]);
+    }
+
+    /// Polygons that are objects: 40 tests read a polygon each, and 100 triangles.
+    #[test]
+    fn triangles_of_polygons_are_reads_and_no_tests() {
+        let mut nodes = nodes();
+        for book in &mut nodes {
+            book.trace.polygon_triangles = 100;
+            let counters = &mut book.memory.counters[RayKind::Shadow as usize];
+            counters[section_class(Section::Triangles)].record_accesses = 100;
+            let polygons = &mut counters[section_class(Section::Polygons)];
+            (polygons.record_accesses, polygons.line_accesses) = (40, 40);
+        }
+        assert!(Conservation::of(&balanced(&nodes, &[cluster()])).holds);
+        nodes[0].trace.polygon_triangles += 1;
+        assert!(!Conservation::of(&balanced(&nodes, &[cluster()])).holds);
     }
 
     #[test]

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::ratio;
 use machine::hardware::local_memory::MemoryShape;
 use machine::hardware::stats::{Counters, MemoryStats, octree_class};
-use trace::database::Section;
 use trace::database::records::LEVELS;
+use trace::database::{Layout, Section};
 use trace::tracer::RayKind;
 
 /// All nodes together.
@@ -76,9 +76,10 @@ pub struct NodeMemory {
 }
 
 impl Memory {
-    pub fn new(stats: &MemoryStats, line_bytes: u32, shape: MemoryShape) -> Self {
+    /// Of reads of a database with this layout.
+    pub fn new(stats: &MemoryStats, layout: &Layout, line_bytes: u32, shape: MemoryShape) -> Self {
         let total = stats.total();
-        let (words_read, words_moved) = (stats.words_read(), stats.words_moved(line_bytes));
+        let (words_read, words_moved) = (stats.words_read(layout), stats.words_moved(line_bytes));
         Self {
             record_accesses: total.record_accesses,
             misses: total.record_misses,
@@ -103,7 +104,8 @@ impl Memory {
 }
 
 impl NodeMemory {
-    pub fn new(stats: &MemoryStats, line_bytes: u32) -> Self {
+    /// Of reads of a database with this layout.
+    pub fn new(stats: &MemoryStats, layout: &Layout, line_bytes: u32) -> Self {
         let total = stats.total();
         Self {
             record_accesses: total.record_accesses,
@@ -111,7 +113,7 @@ impl NodeMemory {
             misses: total.record_misses,
             line_accesses: total.line_accesses,
             line_misses: total.line_misses,
-            words_read: stats.words_read(),
+            words_read: stats.words_read(layout),
             words_moved: stats.words_moved(line_bytes),
             stall_seconds: stats.stall_nanoseconds as f64 * 1e-9,
         }
@@ -166,7 +168,7 @@ mod tests {
 
     #[test]
     fn sums_and_ratios_are_those_worked_by_hand() {
-        let memory = Memory::new(&fixture::memory_stats(), 32, fixture::SHAPE);
+        let memory = Memory::new(&fixture::memory_stats(), &fixture::layout(), 32, fixture::SHAPE);
         assert_eq!((memory.record_accesses, memory.misses), (100 + 300 + 50 + 40, 1 + 30 + 9 + 10));
         assert_eq!((memory.line_accesses, memory.line_misses), (530, 55));
         assert_eq!((memory.words_read, memory.words_moved), (450 + 40 * 10, 55 * 8));
@@ -177,7 +179,7 @@ mod tests {
 
     #[test]
     fn every_way_to_cut_the_counts_has_the_same_sum() {
-        let memory = Memory::new(&fixture::memory_stats(), 32, fixture::SHAPE);
+        let memory = Memory::new(&fixture::memory_stats(), &fixture::layout(), 32, fixture::SHAPE);
         let levels: Vec<_> = memory.by_octree_level.iter().map(|l| (l.level, l.counts.record_accesses)).collect();
         assert_eq!(levels, [(0, 100), (1, 0), (2, 350)]);
         let sections: u64 = memory.by_section.iter().map(|s| s.counts.misses).sum();
@@ -189,7 +191,7 @@ mod tests {
 
     #[test]
     fn nothing_counted_gives_no_nan() {
-        let memory = Memory::new(&MemoryStats::default(), 64, fixture::SHAPE);
+        let memory = Memory::new(&MemoryStats::default(), &fixture::layout(), 64, fixture::SHAPE);
         assert_eq!((memory.misses_per_record_access, memory.words_moved_per_word_read), (0.0, 0.0));
         assert!(memory.by_octree_level.is_empty());
     }

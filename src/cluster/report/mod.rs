@@ -1,4 +1,4 @@
-//! What a run tells at its end, schema version 2. Every field is documented in docs/report.md.
+//! What a run tells at its end, schema version 4. Every field is documented in docs/report.md.
 //!
 //! Plain data: counting is done elsewhere, printing in [`json`] and [`text`]. What does not apply to a run is left out.
 
@@ -28,7 +28,7 @@ use trace::tracer::simd::Simd;
 use trace::tracer::{RayKind, TraceStats};
 
 /// Raised with every change that a reader of report.json could notice.
-pub const SCHEMA_VERSION: u32 = 3;
+pub const SCHEMA_VERSION: u32 = 4;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -210,12 +210,16 @@ pub struct OctreeLevel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tests {
     pub primitive: u64,
+    /// Of triangles within polygons that are objects; each polygon is one primitive test.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub polygon_triangles: u64,
     pub mailbox_skips: u64,
 }
 
 impl Tests {
     pub fn new(trace: &TraceStats) -> Self {
-        Self { primitive: trace.primitive_tests, mailbox_skips: trace.mailbox_skips }
+        let TraceStats { primitive_tests, polygon_triangles, mailbox_skips, .. } = *trace;
+        Self { primitive: primitive_tests, polygon_triangles, mailbox_skips }
     }
 }
 
@@ -322,6 +326,10 @@ impl Report {
     }
 }
 
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 /// 0 for nothing of nothing, so that JSON never meets a NaN.
 fn ratio(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
@@ -334,7 +342,12 @@ pub(crate) mod fixture {
     use super::*;
     use machine::hardware::local_memory::MemoryShape;
     use machine::hardware::stats::{Counters, MemoryStats, octree_class, section_class};
-    use trace::database::Section;
+    use trace::database::{Layout, Section};
+
+    /// Records without padding; how many there are does not matter.
+    pub(crate) fn layout() -> Layout {
+        Layout::new([8; Section::COUNT]).expect("small")
+    }
 
     /// 64 sets of four ways.
     pub(crate) const SHAPE: MemoryShape = MemoryShape { local_bytes: 8192, sets: 64, lines_per_set: 4 };
@@ -360,7 +373,7 @@ pub(crate) mod fixture {
         let stats = memory_stats();
         let mut all = stats.clone();
         all.add(&stats);
-        let node = |id| Node { id, tiles: 2, memory: Some(NodeMemory::new(&stats, 32)) };
+        let node = |id| Node { id, tiles: 2, memory: Some(NodeMemory::new(&stats, &layout(), 32)) };
         Report {
             schema_version: SCHEMA_VERSION,
             build: "0.1.0".to_owned(),
@@ -401,10 +414,10 @@ pub(crate) mod fixture {
                     OctreeLevel { nodes: 8, accesses: Some(9000) },
                 ],
             },
-            tests: Some(Tests { primitive: 12_345, mailbox_skips: 678 }),
+            tests: Some(Tests { primitive: 12_345, polygon_triangles: 0, mailbox_skips: 678 }),
             tiles: Some(Tiles { total: 5, done: 4, reissued: 1, stale: 0, ..Tiles::default() }),
             nodes: vec![node(0), node(1)],
-            memory: Some(Memory::new(&all, 32, SHAPE)),
+            memory: Some(Memory::new(&all, &layout(), 32, SHAPE)),
             bus: Some(Bus {
                 transactions: 120,
                 fetches: 103,

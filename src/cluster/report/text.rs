@@ -72,6 +72,9 @@ fn write_summary(out: &mut String, report: &Report) -> fmt::Result {
                 Grouped(tests.mailbox_skips)
             ),
         )?;
+        if tests.polygon_triangles > 0 {
+            line(out, "polygons", format_args!("{} triangles tested within them", Grouped(tests.polygon_triangles)))?;
+        }
     }
     write_cluster(out, report)?;
     line(

@@ -12,10 +12,11 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use super::host_file::Host;
 use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
-    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
+    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use machine::hardware::specification::{self, MemorySize, Replacement, Transactions};
 use machine::tile_order::{Assignment, TileOrder};
+use trace::database::{Numbers, Objects};
 use trace::picture::{ImageSettings, Terminator};
 use trace::scene::UpAxis;
 use trace::scene::procedural::{Board, Kind};
@@ -39,6 +40,8 @@ pub struct File {
     pub image: Image,
     #[serde(deserialize_with = "table")]
     pub octree: Octree,
+    #[serde(deserialize_with = "table", skip_serializing_if = "Database::is_default")]
+    pub database: Database,
     #[serde(deserialize_with = "table")]
     pub cluster: Cluster,
     #[serde(deserialize_with = "tables", skip_serializing_if = "Vec::is_empty")]
@@ -193,6 +196,29 @@ impl Default for Octree {
     fn default() -> Self {
         let super::Octree { leaf_size, max_depth, mailbox } = trace::tracer::octree::Octree::DEFAULT;
         Self { leaf_size: LeafSize(leaf_size), max_depth: MaxDepth(max_depth), mailbox }
+    }
+}
+
+/// How the database's records are laid out: what is an object of the octree, and what sizes are modelled. None of it changes
+/// the image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Database {
+    /// What the octree lists of a polygon: each of its triangles, or the polygon as a whole.
+    #[serde(deserialize_with = "name")]
+    pub records: Objects,
+    /// For which numbers the records of triangles, spheres, cones and normals have room; their values stay f32.
+    #[serde(deserialize_with = "name")]
+    pub numbers: Numbers,
+    /// Bytes of a triangle's record, or of a polygon's where polygons are objects: a multiple of 4, at least what it holds;
+    /// default: just that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record_bytes: Option<RecordBytes>,
+}
+
+impl Database {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
     }
 }
 

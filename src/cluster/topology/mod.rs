@@ -24,8 +24,9 @@ pub use placement::Placement;
 
 use machine::hardware::specification::Cluster;
 use machine::tile_order::{Assignment, TileOrder};
+use trace::database::RecordLayout;
 use trace::picture::{ImageSettings, Sides, Terminator, Tiling, TilingError};
-use trace::preparation::{self, ImageDefaults, PreparationError, Prepared, ViewChoices};
+use trace::preparation::{self, BuildChoices, ImageDefaults, PreparationError, Prepared, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 
@@ -39,6 +40,7 @@ pub struct Topology {
     pub view: ViewChoices,
     pub image: Image,
     pub octree: Octree,
+    pub records: RecordLayout,
     pub cluster: Cluster,
     /// The first is the manager's own; empty: everything is there, on the loopback interface.
     pub hosts: Vec<Host>,
@@ -132,12 +134,17 @@ impl Topology {
         Placement::new(&self.hosts, &self.cluster)
     }
 
+    /// How its database is built.
+    pub fn build_choices(&self) -> BuildChoices {
+        BuildChoices { octree: self.octree, records: self.records }
+    }
+
     /// Reads its scene and builds its database.
     ///
     /// # Errors
     /// The scene cannot be read or is too large, or the image settings do not fit its resolution.
     pub fn prepare(&self) -> Result<Prepared, PreparationError> {
-        preparation::prepare(&self.scene, self.octree, &self.view, |defaults| self.image_settings(defaults))
+        preparation::prepare(&self.scene, self.build_choices(), &self.view, |defaults| self.image_settings(defaults))
     }
 
     /// The image settings, once the scene's own are known.

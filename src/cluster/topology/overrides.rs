@@ -217,7 +217,7 @@ mod tests {
             ),
             (
                 "clutser.nodes=2",
-                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean cluster?",
+                "unknown key clutser, expected one of topology, scene, camera, light, image, octree, database, cluster, host, run; did you mean cluster?",
             ),
             ("image.width.x=2", "image.width is of type integer, expected a table"),
             ("light.3.position=[0, 0, 0]", "light has no element 3, expected one from 0 to 2"),

@@ -7,9 +7,10 @@ use glam::DVec3;
 
 use super::document::Document;
 use super::file::{self, File};
-use super::value::{Channel, Coordinate, Quantum, Seconds};
+use super::value::{Channel, Coordinate, Quantum, RecordBytes, Seconds};
 use super::{Deadlines, Image, Run, Topology, prove_hosts};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor};
+use trace::database::RecordLayout;
 use trace::picture::ImageSettings;
 use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
@@ -47,6 +48,7 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             max_depth: written.octree.max_depth.0,
             mailbox: written.octree.mailbox,
         },
+        records: records(&written.database, document)?,
         cluster,
         run: Run {
             order: written.run.order,
@@ -135,6 +137,12 @@ fn image(written: &file::Image, document: &Document<'_>) -> Result<Image> {
     let keys = ["image.tile", "image.width", "image.height"];
     image.check_tile(width, height).map_err(|what| document.error(&keys, what))?;
     Ok(image)
+}
+
+fn records(written: &file::Database, document: &Document<'_>) -> Result<RecordLayout> {
+    let bytes = written.record_bytes.map(|RecordBytes(bytes)| bytes);
+    RecordLayout::new(written.records, written.numbers, bytes)
+        .map_err(|what| document.error(&["database.record_bytes"], format!("database.record_bytes: {what}")))
 }
 
 fn cluster(written: &file::Cluster, document: &Document<'_>) -> Result<Cluster> {

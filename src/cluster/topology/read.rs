@@ -45,6 +45,7 @@ mod tests {
         Arbiter, Bus, Cluster, LocalMemory, MemorySize, Processor, Replacement, Transactions,
     };
     use machine::tile_order::{Assignment, TileOrder};
+    use trace::database::RecordLayout;
     use trace::preparation::ViewChoices;
     use trace::scene::SceneSource;
     use trace::tracer::octree::Octree;
@@ -69,7 +70,7 @@ mod tests {
             ("[scene]\nprocedural = 'teapot'\nprocedural = 'gears'", "3:1: duplicate key, expected valid TOML"),
             (
                 "[scnee]",
-                "1:2: unknown key scnee, expected one of topology, scene, camera, light, image, octree, cluster, host, run; did you mean scene?",
+                "1:2: unknown key scnee, expected one of topology, scene, camera, light, image, octree, database, cluster, host, run; did you mean scene?",
             ),
             (
                 "[scene]\nprocedural = 'teapots'",
@@ -117,7 +118,7 @@ mod tests {
             ),
             (
                 "\"\\u001b[2J\" = 1",
-                "1:1: unknown key �[2J, expected one of topology, scene, camera, light, image, octree, cluster, host, run",
+                "1:1: unknown key �[2J, expected one of topology, scene, camera, light, image, octree, database, cluster, host, run",
             ),
             ("scene.procedural = 'gears' é", "1:28: unexpected key or value, expected newline, `#`"),
         ];
@@ -214,6 +215,24 @@ mod tests {
                 "[octree]\nleafsize = 8",
                 "3:1: unknown key octree.leafsize, expected one of leaf_size, max_depth, mailbox; did you mean leaf_size?",
             ),
+            (
+                "[database]\nrecords = 'polygon'",
+                "3:11: database.records is 'polygon', expected one of triangles, polygons; did you mean polygons?",
+            ),
+            ("[database]\nnumbers = 64", "3:11: database.numbers is 64, expected a string"),
+            ("[database]\nrecord_bytes = 500", "3:16: database.record_bytes is 500, expected an integer from 8 to 496"),
+            (
+                "[database]\nrecord_bytes = 36",
+                "3:16: database.record_bytes: a record of 36 bytes, expected a multiple of 4 from 40 to 496",
+            ),
+            (
+                "[database]\nnumbers = 'f64'\nrecord_bytes = 72",
+                "4:16: database.record_bytes: a record of 72 bytes, expected a multiple of 4 from 76 to 496",
+            ),
+            (
+                "[database]\nrecords = 'polygons'\nrecord_bytes = 30",
+                "4:16: database.record_bytes: a record of 30 bytes, expected a multiple of 4 from 8 to 496",
+            ),
             ("[octree]\nmax_depth = 21", "3:13: octree.max_depth is 21, expected an integer from 0 to 20"),
             ("[cluster]\nnodes = 0", "3:9: cluster.nodes is 0, expected an integer from 1 to 256"),
             ("[cluster]\nnodes = 257", "3:9: cluster.nodes is 257, expected an integer from 1 to 256"),
@@ -246,7 +265,7 @@ mod tests {
             ),
             (
                 "[cluster.local_memory]\nreplacement = 'lfu'",
-                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, random",
+                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, clock:1, random, clock:0, srrip, sieve, s3-fifo, plru",
             ),
             (
                 "[cluster.local_memory]\nreplacement = { lru = {} }",
@@ -327,6 +346,7 @@ mod tests {
             view: ViewChoices::default(),
             image: Image { width: None, height: None, tile: (16, 16), depth: 4, cutoff: 0.0, terminator: None },
             octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
+            records: RecordLayout::DEFAULT,
             cluster: Cluster {
                 count: 1,
                 nodes: 4,
@@ -397,6 +417,9 @@ mod tests {
             "image.cutoff",
             "image.terminator",
             "octree.leaf_size",
+            "database.records",
+            "database.numbers",
+            "database.record_bytes",
             "cluster.nodes",
             "cluster.local_memory.size",
             "cluster.local_memory.line",
@@ -429,6 +452,8 @@ mod tests {
                 "'round_robin'",
                 "'morton'",
                 "'soft'",
+                "'polygons'",
+                "'f64'",
                 "'z'",
                 "1",
                 "true",

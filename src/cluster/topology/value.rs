@@ -9,6 +9,8 @@ use serde::de::{self, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use machine::hardware::specification::{BYTES_MAX, MemorySize};
+use trace::database::records::Polygon;
+use trace::database::strides::STRIDE_MAX;
 use trace::picture::ImageSettings;
 use trace::scene::procedural::SIZE_MAX;
 
@@ -208,6 +210,11 @@ quantity!(
     /// Deepest octree level.
     MaxDepth(u32),
     Range::integer(0.0, 20.0)
+);
+quantity!(
+    /// Bytes of an object's record: a polygon's content at least; a triangle's is more.
+    RecordBytes(u32),
+    Range::integer(size_of::<Polygon>() as f64, STRIDE_MAX as f64)
 );
 quantity!(
     /// Processing nodes of a cluster.

@@ -7,10 +7,11 @@ use glam::DVec3;
 use super::file::{self, File};
 use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
-    ProceduralSize, Quantum, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
+    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
 };
 use super::{Image, Run, Topology};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, Processor};
+use trace::database::RecordLayout;
 use trace::preparation::{CameraChoices, ViewChoices};
 use trace::scene::SceneSource;
 use trace::scene::procedural::Board;
@@ -37,6 +38,7 @@ impl From<&Topology> for File {
             light: topology.view.lights.iter().map(light).collect(),
             image: image(&topology.image),
             octree: octree(topology.octree),
+            database: database(topology.records),
             cluster: cluster(&topology.cluster),
             host: topology.hosts.iter().map(file::Host::from).collect(),
             run: run(&topology.run),
@@ -85,6 +87,14 @@ fn octree(octree: Octree) -> file::Octree {
         leaf_size: LeafSize(octree.leaf_size),
         max_depth: MaxDepth(octree.max_depth),
         mailbox: octree.mailbox,
+    }
+}
+
+fn database(records: RecordLayout) -> file::Database {
+    file::Database {
+        records: records.objects(),
+        numbers: records.numbers(),
+        record_bytes: records.record_bytes().map(RecordBytes),
     }
 }
 
@@ -178,6 +188,7 @@ mod tests {
         light = [{ position = [1, 2, 3] }, { position = [4, 5, 6], colour = [0.25, 0, 3] }]\n\
         image = { width = 640, height = 480, tile = [250, 1], depth = 7, cutoff = 0.1, terminator = 'soft' }\n\
         octree = { leaf_size = 3, max_depth = 20, mailbox = false }\n\
+        database = { records = 'polygons', numbers = 'f64', record_bytes = 300 }\n\
         cluster.count = 3\n\
         cluster.nodes = 256\n\
         cluster.local_memory = { size = '1.5 KiB', line = 32, ways = 3, replacement = 'random' }\n\
@@ -196,6 +207,15 @@ mod tests {
     fn every_key_is_written_as_it_was_read() {
         let topology = read_text(UNUSUAL);
         assert_eq!(read_text(&topology.to_toml().expect("is TOML")), topology);
+    }
+
+    #[test]
+    fn what_few_scenes_have_is_written_where_it_is_chosen() {
+        let text = "scene = { procedural = 'teapot', size = 3, board = 'none' }\n";
+        let topology = read_text(text);
+        let written = topology.to_toml().expect("is TOML");
+        assert!(written.contains("board = \"none\"") && !written.contains("[database]"), "{written}");
+        assert_eq!(read_text(&written), topology);
     }
 
     #[test]

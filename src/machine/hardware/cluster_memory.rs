@@ -106,7 +106,7 @@ mod tests {
 
     /// Two granules; each byte is its address modulo 251.
     fn memory() -> ClusterMemory {
-        let mut memory = ClusterMemory::new(&Layout::new([65, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
+        let mut memory = ClusterMemory::new(&Layout::new([65, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
         let image: Vec<u8> = (0..512u32).map(|i| (i % 251) as u8).collect();
         for (i, part) in image.chunks(200).enumerate() {
             assert!(!memory.is_complete());
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn it_is_complete_when_all_is_stored_in_order() {
         assert!(memory().is_complete());
-        let mut memory = ClusterMemory::new(&Layout::new([1, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
+        let mut memory = ClusterMemory::new(&Layout::new([1, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small"));
         let too_long = memory.store(Address(0), &[0; 257]);
         assert_eq!(too_long, Err(AccessError::OutOfRange { address: Address(0), bytes: 257, database_bytes: 256 }));
         memory.store(Address(0), &[1; 100]).expect("in order");
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn nothing_is_allocated_before_it_is_uploaded() {
-        let largest = ClusterMemory::new(&Layout::new([1 << 30, 0, 0, 0, 0, 0, 0, 0]).expect("4 GiB"));
+        let largest = ClusterMemory::new(&Layout::new([1 << 30, 0, 0, 0, 0, 0, 0, 0, 0]).expect("4 GiB"));
         assert_eq!(largest.bytes.capacity(), 0);
         let early = largest.range(Address(0), 16);
         assert_eq!(early, Err(AccessError::NotUploaded { address: Address(0), bytes: 16, uploaded: Address(0) }));

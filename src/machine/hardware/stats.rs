@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use trace::database::Section;
 use trace::database::records::LEVELS;
+use trace::database::{Layout, Section};
 use trace::tracer::memory_port::RayKind;
 
 /// Octree nodes are counted by level, every other section as a whole.
@@ -86,9 +86,10 @@ impl MemoryStats {
         total
     }
 
-    /// 32-bit words that the tracer read: every record access reads the whole record.
-    pub fn words_read(&self) -> u64 {
-        let words = |class: usize| class_section(class).record_bytes() / 4;
+    /// 32-bit words that the tracer read of a database with this layout: every record access reads the whole record, with
+    /// its padding.
+    pub fn words_read(&self, layout: &Layout) -> u64 {
+        let words = |class: usize| layout.record_bytes(class_section(class)) / 4;
         let classes = self.counters.iter().flat_map(|kinds| kinds.iter().enumerate());
         let read = classes.map(|(class, counters)| counters.record_accesses.saturating_mul(words(class)));
         read.fold(0, u64::saturating_add)

@@ -17,6 +17,7 @@ const CHECK_BYTES: u64 = 1 << 18;
 /// What a sidecar of one kind says.
 pub(super) trait Sidecar: Serialize + DeserializeOwned {
     const NAME: &'static str;
+    /// The newest; all from 1 on can be read.
     const FORMAT_VERSION: u32;
     /// A longer file is none.
     const BYTES_MAX: u64;
@@ -66,7 +67,7 @@ pub(super) fn read<S: Sidecar>(folder: &Path) -> Result<(S, Vec<u8>), SidecarFau
     let mut text = Vec::new();
     file.take(S::BYTES_MAX).read_to_end(&mut text)?;
     let Version { format_version: found, complete } = serde_json::from_slice(&text)?;
-    if found != S::FORMAT_VERSION || !complete {
+    if !(1..=S::FORMAT_VERSION).contains(&found) || !complete {
         return Err(SidecarFault::Version { found, complete });
     }
     Ok((serde_json::from_slice(&text)?, text))

@@ -3,7 +3,7 @@
 use crate::hardware::cluster_memory::{AccessError, ClusterMemory};
 use crate::hardware::local_memory::{Geometry, LineSource, LocalMemory};
 use crate::hardware::references::{Event, RecordNumbers, ReferenceWord};
-use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::hardware::replacement::{Clock, Clock0, Fifo, Lru, Random, Replacement, S3Fifo, Sieve, Srrip};
 use crate::hardware::specification::{self, MemorySize};
 use crate::hardware::stats::MemoryStats;
 use crate::hardware::transaction::FetchRequest;
@@ -11,11 +11,11 @@ use crate::recording::references::octree_levels;
 use crate::replay::model::detail::{Classes, Detail};
 use crate::replay::model::replayer::{Counters, Replayer, Sum, Tally};
 use crate::replay::plan::schedule::TileSchedule;
-use crate::replay::stream::captured::tests::teapot;
+use crate::replay::stream::captured::tests::{scene, teapot};
 use crate::replay::{Captured, RecordLines, Trace, TraceError, TracedTile};
 use ground::ids::{Address, Attempt, Epoch, NodeId, TileId};
 use trace::database::verify::Verified;
-use trace::database::{Layout, Section};
+use trace::database::{Layout, Numbers, Objects, RecordLayout, Section};
 use trace::tracer::MemoryPort;
 
 const SEED: u64 = 7;
@@ -60,6 +60,7 @@ fn read_all<P: MemoryPort<Error: std::fmt::Debug>>(
             Section::Surfaces => port.surface(i).map(drop),
             Section::Normals => port.normals(i).map(drop),
             Section::Materials => port.material(i).map(drop),
+            Section::Polygons => port.polygon(i).map(drop),
         };
         read.expect("the words are of this database");
     }
@@ -88,6 +89,27 @@ fn both<R: Replacement>(database: &Verified, trace: &Captured, geometry: Geometr
 #[test]
 fn a_replay_counts_what_a_local_memory_counts() {
     let (database, trace) = teapot(24, 1);
+    assert_counts(&database, &trace);
+}
+
+#[test]
+fn a_replay_counts_what_a_local_memory_counts_of_polygons_and_padding() {
+    for (objects, numbers, bytes) in [
+        (Objects::Polygons, Numbers::F64, Some(300)),
+        (Objects::Polygons, Numbers::F32, None),
+        (Objects::Triangles, Numbers::F32, Some(496)),
+    ] {
+        let records = RecordLayout::new(objects, numbers, bytes).expect("possible");
+        let (database, trace) = scene("gears:1", records, 16, 1);
+        assert_counts(&database, &trace);
+        let numbers = RecordNumbers::new(&database.database().header.layout);
+        let polygons = numbers.section(Section::Polygons);
+        let reads = trace.parts.iter().flatten().filter(|word| polygons.contains(word)).count();
+        assert_eq!(reads > 1000, objects == Objects::Polygons, "{reads} reads of polygons");
+    }
+}
+
+fn assert_counts(database: &Verified, trace: &Captured) {
     let share = |denominator| MemorySize::Share { numerator: 1, denominator };
     let mut counted = Vec::new();
     for (size, line, ways) in [
@@ -101,10 +123,15 @@ fn a_replay_counts_what_a_local_memory_counts() {
         let layout = &database.database().header.layout;
         let geometry = Geometry::new(&memory(size, line, ways), layout).expect("within ranges");
         for (live, replayed) in [
-            both::<Lru>(&database, &trace, geometry),
-            both::<Fifo>(&database, &trace, geometry),
-            both::<Clock>(&database, &trace, geometry),
-            both::<Random>(&database, &trace, geometry),
+            both::<Lru>(database, trace, geometry),
+            both::<Fifo>(database, trace, geometry),
+            both::<Clock>(database, trace, geometry),
+            both::<Random>(database, trace, geometry),
+            both::<Clock0>(database, trace, geometry),
+            both::<Srrip>(database, trace, geometry),
+            both::<Sieve>(database, trace, geometry),
+            // Counts hits that are repeated at once, so that the replay must not leave these out.
+            both::<S3Fifo>(database, trace, geometry),
         ] {
             assert_eq!(live, replayed, "{geometry:?}");
             counted.push(live.total().line_misses);
@@ -174,7 +201,7 @@ fn sums_leave_out_tiles_that_were_not_accepted() {
 
 #[test]
 fn a_word_that_is_not_known_is_an_error() {
-    let layout = Layout::new([80, 0, 0, 0, 0, 0, 0, 0]).expect("small");
+    let layout = Layout::new([80, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small");
     let geometry = Geometry::new(&memory(MemorySize::All, 16, None), &layout).expect("within ranges");
     let lines = RecordLines::new(&layout, 16);
     let trace = Tiles::new(&[(0, 0, true)]);

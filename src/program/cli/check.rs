@@ -13,6 +13,7 @@ use cluster::report::{Bounds, Camera};
 use cluster::topology::{Host, Launch, Override, Topology};
 use machine::hardware::specification::{Arbiter, LocalMemory, MemorySize};
 use machine::tile_order::Assignment;
+use trace::database::RecordLayout;
 use trace::picture::{ImageSettings, Tiling};
 use trace::preparation::{ImageDefaults, PreparationError, Prepared};
 use trace::scene::SceneSource;
@@ -120,6 +121,9 @@ fn summary(topology: &Topology, Subject { image, scene, .. }: &Subject) -> Strin
         "octree",
         format_args!("leaves of {} primitives, depth {}, {mailbox} mailbox", octree.leaf_size, octree.max_depth),
     );
+    if topology.records != RecordLayout::DEFAULT {
+        line("database", format_args!("{}", topology.records));
+    }
     let nodes = topology.cluster.nodes;
     line("processes", format_args!("{}: manager, bus, master, display and {nodes} nodes", 4 + u32::from(nodes)));
     line("local memory", format_args!("{}", local_memory(&topology.cluster.local_memory)));

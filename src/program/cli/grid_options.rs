@@ -20,7 +20,7 @@ pub(in crate::cli) struct GridOptions {
     /// Lines of a set, or full; ranges double
     #[arg(long, value_name = "LIST")]
     ways: Option<List<WayCount>>,
-    /// Which line of a full set gives way
+    /// Which line of a full set gives way; lines begin referenced with clock (also clock:1), unreferenced with clock:0
     #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
     replacement: Vec<Policy>,
     /// Processing nodes of a cluster; ranges count

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::OctreeOptions;
+use super::options::{OctreeOptions, RecordOptions};
 use super::{Failure, output_path, print};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
@@ -16,7 +16,7 @@ use ground::atomic_file;
 use trace::database::Section;
 use trace::database::verify::Verified;
 use trace::picture::ImageSettings;
-use trace::preparation::{self, ChosenView, ImageDefaults, ViewChoices};
+use trace::preparation::{self, BuildChoices, ChosenView, ImageDefaults, ViewChoices};
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::census::{Census, Level};
@@ -28,6 +28,8 @@ pub struct InspectArguments {
     pub scene: SceneSource,
     #[command(flatten)]
     octree: OctreeOptions,
+    #[command(flatten)]
+    records: RecordOptions,
     /// Write the database's bytes to a file, as they are in cluster memory (docs/model.md)
     #[arg(long, value_name = "FILE")]
     database: Option<PathBuf>,
@@ -43,14 +45,15 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
             output_path::check_apart(&[("--database", file)], &[scene])?;
         }
     }
-    let octree = arguments.octree.octree(Octree::DEFAULT);
+    let choices =
+        BuildChoices { octree: arguments.octree.octree(Octree::DEFAULT), records: arguments.records.layout()? };
     let scene = arguments.scene.load()?;
     let image = |defaults: &ImageDefaults| {
         let (width, height) = defaults.resolution;
         ImageSettings::new(width, height, 0, 0.0).map_err(|error| error.to_string())
     };
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
-    let (database, warnings) = preparation::build(&arguments.scene, scene, octree)?;
+    let (database, warnings) = preparation::build(&arguments.scene, scene, choices)?;
     scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     if let Some(file) = &arguments.database {
         atomic_file::write(file, |out| out.write_all(database.database().bytes()))
@@ -122,7 +125,7 @@ impl Inspection {
             section: section.name(),
             base: layout.span(section).base.0,
             records: layout.span(section).records,
-            record_bytes: section.record_bytes(),
+            record_bytes: layout.record_bytes(section),
             bytes: layout.section_bytes(section),
         };
         let primitives = layout.span(Section::Surfaces).records;

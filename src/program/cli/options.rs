@@ -5,7 +5,9 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use cluster::topology::value::{LeafSize, MaxDepth, Side};
+use super::Failure;
+use cluster::topology::value::{LeafSize, MaxDepth, RecordBytes, Side};
+use trace::database::{Numbers, Objects, RecordLayout};
 use trace::picture::AovSet;
 use trace::tracer::octree::Octree;
 
@@ -61,6 +63,30 @@ impl OctreeOptions {
             max_depth: self.max_depth.map_or(others.max_depth, |MaxDepth(depth)| depth),
             ..others
         }
+    }
+}
+
+/// How the database's records are laid out.
+#[derive(Clone, Debug, Args)]
+pub struct RecordOptions {
+    /// What the octree lists of a polygon: each of its triangles, or the polygon as a whole [default: triangles]
+    #[arg(long, value_name = "triangles|polygons")]
+    records: Option<Objects>,
+    /// For which numbers the records of triangles, spheres, cones and normals have room [default: f32]
+    #[arg(long, value_name = "f32|f64")]
+    numbers: Option<Numbers>,
+    /// Bytes of a triangle's record, or of a polygon's with --records polygons [default: as many as it needs]
+    #[arg(long, value_name = "N")]
+    record_bytes: Option<RecordBytes>,
+}
+
+impl RecordOptions {
+    /// # Errors
+    /// The records cannot have so many bytes.
+    pub fn layout(&self) -> Result<RecordLayout, Failure> {
+        let bytes = self.record_bytes.map(|RecordBytes(bytes)| bytes);
+        RecordLayout::new(self.records.unwrap_or_default(), self.numbers.unwrap_or_default(), bytes)
+            .map_err(|error| Failure::bad_input(format!("--record-bytes: {error}")))
     }
 }
 

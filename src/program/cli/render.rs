@@ -154,7 +154,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     outputs.iter().try_for_each(|(_, file)| output_path::check(file))?;
     // One process has no tiles that could be too large.
     let settings = |defaults: &ImageDefaults| subject.image.settings(defaults);
-    let prepared = preparation::prepare(&subject.scene, subject.octree, &subject.view, settings)?;
+    let prepared = preparation::prepare(&subject.scene, subject.build_choices(), &subject.view, settings)?;
     output_path::check_apart(&outputs, &prepared.libraries.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     scene_warnings::show(&prepared.warnings);
     if arguments.strict && prepared.warnings.iter().any(preparation::is_certain) {

@@ -5,13 +5,14 @@ use std::fmt;
 use clap::{Args, value_parser};
 use serde::Serialize;
 
-use super::options::OctreeOptions;
+use super::options::{OctreeOptions, RecordOptions};
 use super::{Failure, print, watertight};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
+use trace::database::RecordLayout;
 use trace::oracle::{self, AimedAt, Outcomes, Verification};
 use trace::picture::ImageSettings;
-use trace::preparation::{self, ViewChoices};
+use trace::preparation::{self, BuildChoices, ViewChoices};
 use trace::scene::Placement;
 use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
@@ -51,6 +52,8 @@ pub struct VerifyArguments {
     translate: f64,
     #[command(flatten)]
     octree: OctreeOptions,
+    #[command(flatten)]
+    records: RecordOptions,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -59,18 +62,22 @@ pub struct VerifyArguments {
 pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
     let octree = arguments.octree.octree(Octree::DEFAULT);
     match &arguments.scene {
-        Some(source) => verify_scene(arguments, source, octree),
+        Some(source) => verify_scene(arguments, source, BuildChoices { octree, records: arguments.records.layout()? }),
+        // Closed meshes consist of triangles.
+        None if arguments.records.layout()? != RecordLayout::DEFAULT => {
+            Err(Failure::bad_input("--records, --numbers and --record-bytes are of a scene, expected one"))
+        }
         None => watertight::verify(arguments.rays, arguments.seed, octree, arguments.json),
     }
 }
 
-fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, octree: Octree) -> Result<(), Failure> {
+fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, choices: BuildChoices) -> Result<(), Failure> {
     let mut scene = source.load()?;
     let placement = Placement { scale: arguments.scale, translation: arguments.translate };
     scene.place(placement).map_err(|error| Failure::bad_input(error.to_string()))?;
     let image = |_: &_| ImageSettings::new(1000, 1000, 0, 0.0).map_err(|error| error.to_string());
     let chosen = preparation::choose(&scene, &ViewChoices::default(), image).map_err(Failure::bad_input)?;
-    let (database, warnings) = preparation::build(source, scene, octree)?;
+    let (database, warnings) = preparation::build(source, scene, choices)?;
     scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     let verification = oracle::verify(&database, &chosen.view, arguments.rays, arguments.seed);
     let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };

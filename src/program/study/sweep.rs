@@ -16,6 +16,7 @@ use machine::replay::plan::grid::Grid;
 use machine::replay::plan::setting::{Assignment, Policy, Setting};
 use machine::replay::{Trace, TraceError, parallel};
 use machine::tile_order;
+use trace::database::RecordLayout;
 use trace::database::records::LEVELS;
 use trace::picture::{Sides, Tiling};
 use trace::preparation::PreparationError;
@@ -37,6 +38,9 @@ pub struct Sweep {
     pub scene: String,
     #[serde(flatten)]
     pub octree: Octree,
+    /// How records are laid out, where they are not of triangles without padding.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record_layout: Option<String>,
     pub database_bytes: u64,
     pub tiling: Tiling,
     /// By [`RayKind`].
@@ -113,6 +117,7 @@ impl Sweep {
             topology: topology.name.clone(),
             scene: traced.run.scene.clone(),
             octree: traced.run.octree,
+            record_layout: Some(topology.records).filter(|&r| r != RecordLayout::DEFAULT).map(|r| r.to_string()),
             database_bytes: traced.layout.database_bytes(),
             tiling,
             rays: traced.rays,
@@ -126,9 +131,10 @@ impl Sweep {
     pub fn heading(&self) -> String {
         let Sides { width, height, tile_width, tile_height } = self.tiling.sides();
         format!(
-            "{}, {}, database of {} bytes; {width}x{height} pixels in tiles of {tile_width}x{tile_height}, {} rays",
+            "{}, {}{}, database of {} bytes; {width}x{height} pixels in tiles of {tile_width}x{tile_height}, {} rays",
             self.scene,
             octree(self.octree),
+            self.record_layout.as_ref().map(|layout| format!(", {layout}")).unwrap_or_default(),
             self.database_bytes,
             self.rays.iter().sum::<u64>()
         )
@@ -223,7 +229,7 @@ fn name(setting: &Setting) -> String {
     let ways = ways.map_or_else(String::new, |ways| format!(", {ways} ways"));
     let policy = match replacement {
         Policy::Lru => String::new(),
-        other => format!(", {other:?}").to_lowercase(),
+        other => format!(", {other}"),
     };
     format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {}", bus.width)
 }

@@ -6,13 +6,14 @@ use super::ear_clipping::{Cut, Ear, Flaw, has_area, triangulate};
 use super::layout::{DATABASE_BYTES_MAX, GRANULE_BYTES, TooLarge};
 use super::normalisation::Normalisation;
 use super::primitives::Primitives;
-use super::records::{Cone, LightTerms, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
-use super::{Database, Header, Layout, Section};
+use super::records::{self, Cone, LightTerms, Material, Normals, PrimitiveId, Sphere, Surface, Triangle};
+use super::{Database, Header, Layout, Objects, RecordLayout, Section};
 use crate::scene::{Polygon, Scene, Warning};
 
 /// All sections of a database but those of the octree.
 #[derive(Clone, Debug)]
 pub struct Records {
+    pub layout: RecordLayout,
     pub normalisation: Normalisation,
     pub scene_primitives: u64,
     pub triangles: Vec<Triangle>,
@@ -21,6 +22,8 @@ pub struct Records {
     pub surfaces: Vec<Surface>,
     pub normals: Vec<Normals>,
     pub materials: Vec<Material>,
+    /// Where polygons are objects: those with triangles.
+    pub polygons: Vec<records::Polygon>,
     /// Whether a material lets a light's rays pass.
     pub has_sheets: bool,
     /// About polygons that are not shown as they are written, one of each kind.
@@ -40,14 +43,23 @@ pub enum CompileError {
 /// # Errors
 /// The scene has more polygons than a tag can hold, or is larger than can be addressed.
 pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
+    compile_as(scene, RecordLayout::DEFAULT)
+}
+
+/// [`compile`], its records laid out like this.
+///
+/// # Errors
+/// As of `compile`.
+pub fn compile_as(scene: &Scene, layout: RecordLayout) -> Result<Records, CompileError> {
     if scene.polygons.len() >= Triangle::POLYGONS_MAX as usize {
         return Err(CompileError::TooManyPolygons(scene.polygons.len()));
     }
-    let least = least_layout(scene)?;
+    let least = least_layout(scene, layout)?;
     let records = |section| least.span(section).records as usize;
     let normalisation = Normalisation::new(scene.bounds());
     let (materials, material_at) = materials(scene);
     let mut records = Records {
+        layout,
         normalisation,
         scene_primitives: scene.primitive_count() as u64,
         triangles: Vec::with_capacity(records(Section::Triangles)),
@@ -56,6 +68,7 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
         surfaces: Vec::with_capacity(records(Section::Surfaces)),
         normals: Vec::with_capacity(records(Section::Normals)),
         materials,
+        polygons: Vec::with_capacity(records(Section::Polygons)),
         has_sheets: scene.materials.iter().any(|material| material.shadow_transmittance > 0.0),
         warnings: Vec::new(),
     };
@@ -85,7 +98,7 @@ pub fn compile(scene: &Scene) -> Result<Records, CompileError> {
 
 /// The image of a scene with the smallest octree, one leaf: what is too large for that is told before
 /// anything is made.
-fn least_layout(scene: &Scene) -> Result<Layout, TooLarge> {
+fn least_layout(scene: &Scene, layout: RecordLayout) -> Result<Layout, TooLarge> {
     let triangles = |polygon: &Polygon| u64::from(polygon.vertex_count).saturating_sub(2);
     let flat_and_smooth: u64 = scene.polygons.iter().map(triangles).sum();
     // A record for normals, and one for colours.
@@ -96,12 +109,18 @@ fn least_layout(scene: &Scene) -> Result<Layout, TooLarge> {
     let (spheres, cones) = (scene.spheres.len() as u64, scene.cones.len() as u64);
     let primitives = flat_and_smooth + spheres + cones;
     let materials = material_records(scene) as u64;
-    Layout::new([8, primitives, flat_and_smooth, spheres, cones, primitives, corners, materials])
+    let (polygons, listed) = match layout.objects() {
+        Objects::Triangles => (0, primitives),
+        Objects::Polygons => (scene.polygons.len() as u64, scene.polygons.len() as u64 + spheres + cones),
+    };
+    let records = [8, listed, flat_and_smooth, spheres, cones, primitives, corners, materials, polygons];
+    Layout::padded(records, layout.strides())
 }
 
 impl Records {
     fn add_polygon(&mut self, scene: &Scene, polygon: &Polygon, id: usize, material: u32) -> Option<Flaw> {
         let corners = scene.corners(polygon);
+        let first_triangle = self.triangles.len() as u32;
         // Most have three, and need no memory for it.
         let (cut, whole) = match corners.try_into() {
             Ok(triangle) => {
@@ -125,6 +144,10 @@ impl Records {
                 (None, Some(normals)) => Surface::smooth(material, normals),
                 (None, None) => Surface::plain(material),
             });
+        }
+        let triangle_count = self.triangles.len() as u32 - first_triangle;
+        if self.layout.objects() == Objects::Polygons && triangle_count > 0 {
+            self.polygons.push(records::Polygon { first_triangle, triangle_count });
         }
         cut.flaw
     }
@@ -163,6 +186,14 @@ impl Records {
         (0..self.primitive_count() as u32).map(PrimitiveId)
     }
 
+    /// What the octree lists: polygons or triangles, spheres and cones.
+    pub fn object_count(&self) -> usize {
+        match self.layout.objects() {
+            Objects::Triangles => self.primitive_count(),
+            Objects::Polygons => self.polygons.len() + self.spheres.len() + self.cones.len(),
+        }
+    }
+
     /// What the octree's sections may take besides these, in bytes.
     pub fn octree_bytes_max(&self) -> u64 {
         let counts = [
@@ -172,9 +203,11 @@ impl Records {
             self.surfaces.len(),
             self.normals.len(),
             self.materials.len(),
+            self.polygons.len(),
         ];
-        let [triangles, spheres, cones, surfaces, normals, materials] = counts.map(|count| count as u64);
-        let rest = Layout::new([0, 0, triangles, spheres, cones, surfaces, normals, materials]);
+        let [triangles, spheres, cones, surfaces, normals, materials, polygons] = counts.map(|count| count as u64);
+        let rest = [0, 0, triangles, spheres, cones, surfaces, normals, materials, polygons];
+        let rest = Layout::padded(rest, self.layout.strides());
         // Both sections fill their granules.
         rest.map_or(0, |rest| (DATABASE_BYTES_MAX - rest.database_bytes()).saturating_sub(2 * GRANULE_BYTES))
     }
@@ -193,13 +226,22 @@ impl Records {
             Box::new(self.surfaces),
             Box::new(self.normals),
             Box::new(self.materials),
+            Box::new(self.polygons),
         ];
-        let records = Section::ALL.map(|s| sections[s as usize].words().len() as u64 * 4 / s.record_bytes());
-        let layout = Layout::new(records)?;
+        let records = Section::ALL.map(|s| sections[s as usize].words().len() as u64 * 4 / s.content_bytes());
+        let layout = Layout::padded(records, self.layout.strides())?;
         let mut words = vec![0u32; (layout.database_bytes() / 4) as usize];
         for (section, source) in Section::ALL.into_iter().zip(sections) {
             let first = (layout.span(section).base.0 / 4) as usize;
-            words[first..first + source.words().len()].copy_from_slice(source.words());
+            let (content, stride) = (section.content_bytes() as usize / 4, layout.record_bytes(section) as usize / 4);
+            if stride == content {
+                words[first..first + source.words().len()].copy_from_slice(source.words());
+                continue;
+            }
+            let records = words[first..].chunks_exact_mut(stride);
+            for (record, content) in records.zip(source.words().chunks_exact(content)) {
+                record[..content.len()].copy_from_slice(content);
+            }
         }
         let header = Header {
             layout,

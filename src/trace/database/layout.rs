@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use super::section::Section;
+use super::strides::{StrideError, Strides};
 use ground::ids::Address;
 
 /// Every section starts on, and fills, whole granules, so that no line holds bytes of two allocations.
@@ -11,74 +12,18 @@ pub const GRANULE_BYTES: u64 = 256;
 /// The largest image that the record formats can address, in bytes.
 pub const DATABASE_BYTES_MAX: u64 = 1 << 32;
 
-/// One kind of record each, in this order in the image.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[repr(u8)]
-pub enum Section {
-    OctreeNodes,
-    LeafLists,
-    Triangles,
-    Spheres,
-    Cones,
-    Surfaces,
-    Normals,
-    Materials,
-}
-
-impl Section {
-    pub const COUNT: usize = 8;
-    pub const ALL: [Self; Self::COUNT] = [
-        Self::OctreeNodes,
-        Self::LeafLists,
-        Self::Triangles,
-        Self::Spheres,
-        Self::Cones,
-        Self::Surfaces,
-        Self::Normals,
-        Self::Materials,
-    ];
-
-    /// Bytes of one record.
-    pub const fn record_bytes(self) -> u64 {
-        (match self {
-            Self::OctreeNodes => size_of::<OctreeWord>(),
-            Self::LeafLists => size_of::<LeafEntry>(),
-            Self::Triangles => size_of::<Triangle>(),
-            Self::Spheres => size_of::<Sphere>(),
-            Self::Cones => size_of::<Cone>(),
-            Self::Surfaces => size_of::<Surface>(),
-            Self::Normals => size_of::<Normals>(),
-            Self::Materials => size_of::<Material>(),
-        }) as u64
-    }
-
-    /// The name used in reports and recordings.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::OctreeNodes => "octree_nodes",
-            Self::LeafLists => "leaf_lists",
-            Self::Triangles => "triangles",
-            Self::Spheres => "spheres",
-            Self::Cones => "cones",
-            Self::Surfaces => "surfaces",
-            Self::Normals => "normals",
-            Self::Materials => "materials",
-        }
-    }
-}
-
 /// A section's place: `records` records from `base` on.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Span {
     pub base: Address,
     pub records: u64,
 }
 
-/// The places of all sections. Only [`Layout::new`] makes one, so that it is always consistent.
+/// The places of all sections. Only what is laid out here is one, so that it is always consistent.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(into = "[u64; Section::COUNT]", try_from = "[u64; Section::COUNT]")]
+#[serde(into = "Counts", try_from = "Counts")]
 pub struct Layout {
+    strides: Strides,
     spans: [Span; Section::COUNT],
     database_bytes: u64,
 }
@@ -90,24 +35,81 @@ pub struct TooLarge {
     pub bytes: u128,
 }
 
+/// What decides a layout.
+#[derive(Serialize, Deserialize)]
+struct Counts {
+    records: [u64; Section::COUNT],
+    strides: [u32; Section::COUNT],
+}
+
+/// Why there is no such layout.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum LayoutError {
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
+    #[error(transparent)]
+    Stride(#[from] StrideError),
+}
+
 impl Layout {
-    /// Lays out sections of so many records each.
+    /// Lays out sections of so many records each, without padding.
     ///
     /// # Errors
     /// The image would be larger than [`DATABASE_BYTES_MAX`].
     pub fn new(records: [u64; Section::COUNT]) -> Result<Self, TooLarge> {
+        Self::padded(records, Strides::CONTENT)
+    }
+
+    /// Lays out sections of so many records each, so far apart.
+    ///
+    /// # Errors
+    /// The image would be larger than [`DATABASE_BYTES_MAX`].
+    pub fn padded(records: [u64; Section::COUNT], strides: Strides) -> Result<Self, TooLarge> {
+        let (layout, bytes) = Self::lay_out(records, strides);
+        if bytes > u128::from(DATABASE_BYTES_MAX) { Err(TooLarge { bytes }) } else { Ok(layout) }
+    }
+
+    /// The same records without padding.
+    pub(super) fn unpadded(&self) -> Self {
+        // It is no larger than this one.
+        Self::lay_out(self.spans.map(|span| span.records), Strides::CONTENT).0
+    }
+
+    /// Also how many bytes it has: those in it may be cut off.
+    fn lay_out(records: [u64; Section::COUNT], strides: Strides) -> (Self, u128) {
         let mut spans = [Span::default(); Section::COUNT];
         let mut base = 0u128;
         for (section, span) in Section::ALL.into_iter().zip(&mut spans) {
             let records = records[section as usize];
             *span = Span { base: Address(base as u64), records };
-            let bytes = u128::from(records) * u128::from(section.record_bytes());
+            let bytes = u128::from(records) * u128::from(strides.of(section));
             base += bytes.next_multiple_of(u128::from(GRANULE_BYTES));
         }
-        if base > u128::from(DATABASE_BYTES_MAX) {
-            return Err(TooLarge { bytes: base });
-        }
-        Ok(Self { spans, database_bytes: base as u64 })
+        (Self { strides, spans, database_bytes: base as u64 }, base)
+    }
+
+    pub fn strides(&self) -> Strides {
+        self.strides
+    }
+
+    /// Bytes of one record with its padding.
+    pub fn record_bytes(&self, section: Section) -> u64 {
+        u64::from(self.strides.of(section))
+    }
+
+    /// Where a record begins.
+    pub fn address(&self, section: Section, index: u32) -> Address {
+        Address(self.span(section).base.0 + u64::from(index) * self.record_bytes(section))
+    }
+
+    /// Whether polygons are objects, so that the octree lists them and none of their triangles.
+    pub fn has_polygons(&self) -> bool {
+        self.span(Section::Polygons).records > 0
+    }
+
+    /// Whether it is one of those that there were before records could be padded and polygons be objects.
+    pub fn is_plain(&self) -> bool {
+        self.strides == Strides::CONTENT && !self.has_polygons()
     }
 
     pub fn span(&self, section: Section) -> Span {
@@ -121,7 +123,7 @@ impl Layout {
 
     /// Bytes of a section's records, without the filling of its last granule.
     pub fn section_bytes(&self, section: Section) -> u64 {
-        self.span(section).records * section.record_bytes()
+        self.span(section).records * self.record_bytes(section)
     }
 
     /// The section an address lies in; addresses in the filling belong to the section before.
@@ -137,16 +139,16 @@ impl Layout {
     }
 }
 
-impl From<Layout> for [u64; Section::COUNT] {
+impl From<Layout> for Counts {
     fn from(layout: Layout) -> Self {
-        layout.spans.map(|span| span.records)
+        Self { records: layout.spans.map(|span| span.records), strides: layout.strides.bytes() }
     }
 }
 
-impl TryFrom<[u64; Section::COUNT]> for Layout {
-    type Error = TooLarge;
+impl TryFrom<Counts> for Layout {
+    type Error = LayoutError;
 
-    fn try_from(records: [u64; Section::COUNT]) -> Result<Self, TooLarge> {
-        Self::new(records)
+    fn try_from(counts: Counts) -> Result<Self, LayoutError> {
+        Ok(Self::padded(counts.records, Strides::new(counts.strides)?)?)
     }
 }

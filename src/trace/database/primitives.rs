@@ -1,7 +1,8 @@
 //! Which primitive an id is. Triangles have the first ids, then spheres, then cones.
 
 use super::records::{Cone, PrimitiveId, Sphere, Triangle};
-use super::{Database, Layout, Section};
+use super::verify::Verified;
+use super::{Layout, Section};
 
 /// A primitive's kind, and its index among those of that kind.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -52,7 +53,8 @@ pub struct Primitives<'a> {
 }
 
 impl<'a> Primitives<'a> {
-    pub fn of(database: &'a Database) -> Self {
+    pub fn of(verified: &'a Verified) -> Self {
+        let database = verified.unpadded();
         Self {
             triangles: database.records(Section::Triangles),
             spheres: database.records(Section::Spheres),

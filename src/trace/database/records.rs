@@ -1,6 +1,9 @@
 //! Every record of the image: the one place where their sizes and bits are documented.
 //!
-//! All fields are 32-bit little-endian words; a record has no padding.
+//! All fields are 32-bit little-endian words; a record has no padding inside. A section may have some after each record:
+//! [`super::layout`] knows.
+
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -59,7 +62,8 @@ impl OctreeWord {
     }
 }
 
-/// A primitive in a leaf, 4 bytes. Bit 31: the last of its leaf. Bits 30–0: the primitive's id.
+/// A primitive in a leaf, 4 bytes. Bit 31: the last of its leaf. Bits 30–0: the primitive's id; in a database of polygons, its
+/// number as an object: polygons first, then spheres, then cones.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct LeafEntry(pub u32);
@@ -100,6 +104,9 @@ pub struct Triangle {
 }
 
 impl Triangle {
+    /// Without area.
+    pub const ZERO: Self = Self { coordinates: [[0.0; 3]; 3], tag: 0 };
+
     pub fn new(vertices: [[f32; 3]; 3], polygon: u32, interior_edges: u8) -> Self {
         let axis = |a: usize| [vertices[0][a], vertices[1][a], vertices[2][a]];
         Self { coordinates: [axis(0), axis(1), axis(2)], tag: polygon << 3 | u32::from(interior_edges) }
@@ -121,6 +128,25 @@ impl Triangle {
     }
 }
 
+/// A polygon as one object, 8 bytes: which triangles it consists of. Every triangle is of one polygon, and polygons have
+/// their triangles in order.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Polygon {
+    /// Index of the first.
+    pub first_triangle: u32,
+    /// How many there are, at least one; they follow one another.
+    pub triangle_count: u32,
+}
+
+impl Polygon {
+    /// The indices of its triangles; those beyond the last number are none.
+    #[inline(always)]
+    pub fn triangles(self) -> Range<u32> {
+        self.first_triangle..self.first_triangle.saturating_add(self.triangle_count)
+    }
+}
+
 /// A sphere, 16 bytes, normalised coordinates. A negative radius: only the inside is visible.
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -139,7 +165,7 @@ pub struct Cone {
     pub apex_radius: f32,
 }
 
-/// What a primitive's surface looks like, 8 bytes, indexed by primitive id.
+/// What a primitive's surface looks like, 8 bytes, indexed by primitive id; in a database of polygons, too.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Surface {

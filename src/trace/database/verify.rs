@@ -1,6 +1,6 @@
 //! A database that came from outside, checked once so that nothing after it need check again.
 
-use super::records::{Cone, LeafEntry, Material, OctreeNode, OctreeWord, Sphere, Surface, Triangle};
+use super::records::{Cone, LeafEntry, Material, OctreeNode, OctreeWord, Polygon, Sphere, Surface, Triangle};
 use super::{Database, Section};
 use crate::database::records::MAX_DEPTH;
 
@@ -12,22 +12,28 @@ pub struct Corrupt(pub String);
 /// A database whose every index is in range, whose octree is a tree no deeper than its header says, and whose
 /// primitives are where the octree is: the bounds of roundings rest on that.
 #[derive(Clone, Debug)]
-pub struct Verified(Database);
+pub struct Verified {
+    database: Database,
+    /// Without padding; the same words where there is none.
+    unpadded: Database,
+}
 
 impl Verified {
     /// Linear in the size of the image.
     ///
     /// # Errors
     /// The first thing found wrong.
-    pub fn new(database: Database) -> Result<Self, Corrupt> {
-        let header = &database.header;
-        if database.words.len() as u64 * 4 != header.layout.database_bytes() {
+    pub fn new(padded: Database) -> Result<Self, Corrupt> {
+        let header = &padded.header;
+        if padded.words.len() as u64 * 4 != header.layout.database_bytes() {
             return Err(Corrupt(format!(
                 "{} bytes, expected {}",
-                database.words.len() as u64 * 4,
+                padded.words.len() as u64 * 4,
                 header.layout.database_bytes()
             )));
         }
+        let database = padded.unpadded();
+        let header = &database.header;
         if header.max_depth > MAX_DEPTH {
             return Err(Corrupt(format!("octree depth {}, expected at most {MAX_DEPTH}", header.max_depth)));
         }
@@ -36,17 +42,42 @@ impl Verified {
         if count(Section::Surfaces) != primitives {
             return Err(Corrupt(format!("{} surfaces, expected {primitives}", count(Section::Surfaces))));
         }
+        let mut objects = primitives;
+        if header.layout.has_polygons() {
+            objects = primitives - count(Section::Triangles) + count(Section::Polygons);
+            check_polygons(database.records(Section::Polygons), count(Section::Triangles))?;
+        }
         check_octree(&database)?;
-        check_leaf_lists(database.records(Section::LeafLists), primitives)?;
+        check_leaf_lists(database.records(Section::LeafLists), objects)?;
         check_coordinates(&database)?;
         check_materials(database.records(Section::Materials))?;
         check_surfaces(database.records(Section::Surfaces), count(Section::Materials), count(Section::Normals))?;
-        Ok(Self(database))
+        Ok(Self { database: padded, unpadded: database })
     }
 
     pub fn database(&self) -> &Database {
-        &self.0
+        &self.database
     }
+
+    /// [`Self::database`] without padding, whose records lie side by side.
+    pub fn unpadded(&self) -> &Database {
+        &self.unpadded
+    }
+}
+
+/// They share out the triangles, in order.
+fn check_polygons(polygons: &[Polygon], triangles: u64) -> Result<(), Corrupt> {
+    let mut next = 0u64;
+    for (id, polygon) in polygons.iter().enumerate() {
+        if u64::from(polygon.first_triangle) != next || polygon.triangle_count == 0 {
+            return Err(Corrupt(format!("{polygon:?} as polygon {id}, expected one that begins with triangle {next}")));
+        }
+        next += u64::from(polygon.triangle_count);
+    }
+    if next != triangles {
+        return Err(Corrupt(format!("polygons of {next} triangles, expected {triangles}")));
+    }
+    Ok(())
 }
 
 /// Walks the tree from the root: every block has one parent, every leaf's list begins in range.
@@ -140,8 +171,36 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::database::{Numbers, Objects, RecordLayout};
     use crate::scene::SceneSource;
-    use crate::tracer::octree::{BuildParameters, build_database};
+    use crate::tracer::octree::{BuildParameters, build_database, build_database_as};
+
+    /// Padding has no say in what is found wrong; what triangles a polygon has does.
+    #[test]
+    fn polygons_that_do_not_share_out_the_triangles_are_refused() {
+        let source: SceneSource = "gears:1".parse().expect("procedural");
+        let layout = RecordLayout::new(Objects::Polygons, Numbers::F64, Some(300)).expect("possible");
+        let parameters = BuildParameters { leaf_size: 8, max_depth: 12 };
+        let sound = build_database_as(&source.load().expect("procedural"), parameters, layout).expect("sound");
+        let sound = sound.database();
+        let polygons = (sound.header.layout.span(Section::Polygons).base.0 / 4) as usize;
+        // The ground has two triangles, a gear's upper face 142.
+        assert_eq!((&sound.words[polygons..][..2], &sound.words[polygons + 75..][..2]), (&[0, 2][..], &[2, 142][..]));
+        for (word, value, expected) in [
+            (0, 1, "expected one that begins with triangle 0"),
+            (1, 1, "expected one that begins with triangle 1"),
+            (1, 0, "expected one that begins with triangle 0"),
+            (1, u32::MAX, "expected one that begins with triangle 4294967295"),
+        ] {
+            let mut database = sound.clone();
+            Arc::make_mut(&mut database.words)[polygons + word] = value;
+            let error = Verified::new(database).expect_err("not shared out").to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        let mut padding = sound.clone();
+        Arc::make_mut(&mut padding.words)[polygons + 2] = u32::MAX;
+        Verified::new(padding).expect("padding is of no meaning");
+    }
 
     /// Where the bounds of roundings would not hold, nothing is traced.
     #[test]

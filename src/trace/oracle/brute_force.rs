@@ -56,8 +56,7 @@ pub enum Verdict {
 
 impl<'a> BruteForce<'a> {
     pub fn new(verified: &'a Verified) -> Self {
-        let database = verified.database();
-        let primitives = Primitives::of(database);
+        let primitives = Primitives::of(verified);
         let spheres = primitives.spheres.iter().map(|s| Bounds::of_ball(s.centre, s.radius));
         let ends = |c: &Cone| [Bounds::of_ball(c.base, c.base_radius), Bounds::of_ball(c.apex, c.apex_radius)];
         let cones = primitives.cones.iter().map(ends).map(|[base, apex]| base.union(apex));

@@ -251,7 +251,7 @@ mod tests {
                 build_database(&mesh.scene(), BuildParameters { leaf_size: 8, max_depth: 8 }).expect("builds");
             let normalisation = database.database().header.normalisation;
             assert_eq!((normalisation.centre, normalisation.scale), (DVec3::ZERO, 1.0), "{}", mesh.name);
-            let triangles: &[Triangle] = database.database().records(Section::Triangles);
+            let triangles: &[Triangle] = database.unpadded().records(Section::Triangles);
             for (triangle, corners) in triangles.iter().zip(&mesh.triangles) {
                 assert_eq!(triangle.vertices(), corners.map(|v| mesh.vertices[v as usize]), "{}", mesh.name);
             }

@@ -58,7 +58,7 @@ impl<'a> Rays<'a> {
             random: Pcg32::seed_from_u64(seed),
             camera: PrimaryRays::new(&database.header, view),
             pixels: (view.image.width(), view.image.height()),
-            primitives: Primitives::of(database),
+            primitives: Primitives::of(verified),
         }
     }
 

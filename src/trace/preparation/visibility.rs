@@ -118,7 +118,7 @@ fn is_lit(database: &Verified, view: &View, depth: u32) -> bool {
     let mut tests = 0;
     probes(image).any(|(x, y)| {
         let Ok::<_, Infallible>((pixels, stats)) = tracer.trace(&mut slices, Rect { x, y, width: 1, height: 1 }, aov);
-        tests += stats.primitive_tests;
+        tests += stats.primitive_tests + stats.polygon_triangles;
         tests > TESTS_MAX || pixels.primitive[0] >= 0 && pixels.colour[0].iter().any(|&channel| channel > 0.0)
     })
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Polygon, Sphere, Surface, Triangle};
 
 /// What a ray is cast for. Memory traffic is counted by it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
@@ -49,6 +49,8 @@ pub trait MemoryPort {
     fn surface(&mut self, index: u32) -> Result<Surface, Self::Error>;
     fn normals(&mut self, index: u32) -> Result<Normals, Self::Error>;
     fn material(&mut self, index: u32) -> Result<Material, Self::Error>;
+    /// Where polygons are objects.
+    fn polygon(&mut self, index: u32) -> Result<Polygon, Self::Error>;
 
     /// The error for a record that cannot be right, such as a tree deeper than the header says.
     fn corrupt(&mut self, what: &'static str) -> Self::Error;
@@ -66,6 +68,7 @@ macro_rules! plain_reads {
             surface: Surfaces -> $crate::database::records::Surface,
             normals: Normals -> $crate::database::records::Normals,
             material: Materials -> $crate::database::records::Material,
+            polygon: Polygons -> $crate::database::records::Polygon,
         }
     };
 }

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use super::memory_port::{MemoryPort, RayKind};
 use crate::database::Section;
 use crate::database::primitives::Primitives;
-use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Sphere, Surface, Triangle};
+use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Polygon, Sphere, Surface, Triangle};
 use crate::database::verify::Verified;
 
 /// A view of a verified database; indices that come from its own records are in range.
@@ -17,18 +17,20 @@ pub struct Slices<'a> {
     pub(super) surfaces: &'a [Surface],
     pub(super) normals: &'a [Normals],
     pub(super) materials: &'a [Material],
+    polygons: &'a [Polygon],
 }
 
 impl<'a> Slices<'a> {
     pub fn new(verified: &'a Verified) -> Self {
-        let database = verified.database();
+        let database = verified.unpadded();
         Self {
             octree: database.records(Section::OctreeNodes),
             leaf_lists: database.records(Section::LeafLists),
-            primitives: Primitives::of(database),
+            primitives: Primitives::of(verified),
             surfaces: database.records(Section::Surfaces),
             normals: database.records(Section::Normals),
             materials: database.records(Section::Materials),
+            polygons: database.records(Section::Polygons),
         }
     }
 }
@@ -61,6 +63,7 @@ impl MemoryPort for Slices<'_> {
         surface: surfaces -> Surface,
         normals: normals -> Normals,
         material: materials -> Material,
+        polygon: polygons -> Polygon,
     }
 
     fn corrupt(&mut self, what: &'static str) -> Infallible {

@@ -14,6 +14,8 @@ pub struct TraceStats {
     pub octree_accesses: [u64; LEVELS],
     /// Ray and primitive intersection tests.
     pub primitive_tests: u64,
+    /// Tests of triangles within polygons that are objects: each polygon is one primitive test.
+    pub polygon_triangles: u64,
     /// Tests that the mailbox saved.
     pub mailbox_skips: u64,
     /// Pixels whose radiance was not finite and was written as 0.
@@ -27,6 +29,7 @@ impl TraceStats {
         sum(&mut self.rays, &other.rays);
         sum(&mut self.octree_accesses, &other.octree_accesses);
         self.primitive_tests = self.primitive_tests.saturating_add(other.primitive_tests);
+        self.polygon_triangles = self.polygon_triangles.saturating_add(other.polygon_triangles);
         self.mailbox_skips = self.mailbox_skips.saturating_add(other.mailbox_skips);
         self.non_finite_pixels = self.non_finite_pixels.saturating_add(other.non_finite_pixels);
     }

@@ -232,7 +232,7 @@ mod tests {
     }
 
     fn layout() -> Layout {
-        Layout::new([64, 0, 0, 0, 0, 0, 0, 100]).expect("small")
+        Layout::new([64, 0, 0, 0, 0, 0, 0, 100, 0]).expect("small")
     }
 
     fn loaded(arbiter: Arbiter) -> State {

@@ -156,7 +156,7 @@ async fn run_until(
 }
 
 fn layout() -> Layout {
-    Layout::new([IMAGE_BYTES as u64 / 4, 0, 0, 0, 0, 0, 0, 0]).expect("small")
+    Layout::new([IMAGE_BYTES as u64 / 4, 0, 0, 0, 0, 0, 0, 0, 0]).expect("small")
 }
 
 fn image() -> Vec<u8> {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::RunError;
 use super::cause::Cause;
+use super::plan::Plan;
 use super::state::State;
 use crate::protocol::control::Packets;
 use crate::report::conservation::{Books, Check, ClusterBook, Conservation, NodeBook};
@@ -118,7 +119,7 @@ pub(super) fn report(state: &State, facts: Facts, recorded: Vec<Check>, elapsed:
         memory: (!counted.is_empty()).then(|| {
             let mut all = MemoryStats::default();
             counted.iter().for_each(|book| all.add(&book.memory));
-            Memory::new(&all, line_bytes, facts.memory)
+            Memory::new(&all, &state.supervision.plan.header.layout, line_bytes, facts.memory)
         }),
         bus: bus(state),
         conservation,
@@ -177,11 +178,12 @@ fn counted(state: &State) -> Vec<NodeBook> {
 }
 
 pub(super) fn nodes(state: &State, line_bytes: u32) -> Vec<Node> {
-    let accounts = state.tiles.ledger.nodes(state.supervision.plan.cluster.all_nodes());
+    let Plan { header, cluster, .. } = &state.supervision.plan;
+    let accounts = state.tiles.ledger.nodes(cluster.all_nodes());
     let node = (0..).zip(accounts).map(|(id, account)| Node {
         id,
         tiles: account.tiles,
-        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, line_bytes)),
+        memory: account.memory.as_ref().map(|memory| NodeMemory::new(memory, &header.layout, line_bytes)),
     });
     node.collect()
 }

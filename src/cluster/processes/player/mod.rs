@@ -79,6 +79,8 @@ pub enum PlayError {
     Preparation(#[from] PreparationError),
     #[error("the image has {rebuilt} records of {section}, recorded were {recorded}: the scene or marti is another")]
     OtherLayout { section: &'static str, recorded: u64, rebuilt: u64 },
+    #[error("the image's records of {section} have {rebuilt} bytes, recorded were {recorded}: the topology is another")]
+    OtherRecords { section: &'static str, recorded: u64, rebuilt: u64 },
     #[error("the image has SHA-256 {rebuilt}, recorded was {recorded}: the scene or marti is another")]
     OtherScene { recorded: String, rebuilt: String },
     #[error("the {bytes} bytes at {address} of the image are not those recorded: the scene or marti is another")]
@@ -144,9 +146,13 @@ fn open(request: &PlayRequest) -> Result<Reader, PlayError> {
 
 fn check_layout(recorded: &Layout, rebuilt: &Layout) -> Result<(), PlayError> {
     for section in Section::ALL {
-        let (recorded, rebuilt) = (recorded.span(section).records, rebuilt.span(section).records);
-        if recorded != rebuilt {
-            return Err(PlayError::OtherLayout { section: section.name(), recorded, rebuilt });
+        let (records, found) = (recorded.span(section).records, rebuilt.span(section).records);
+        if records != found {
+            return Err(PlayError::OtherLayout { section: section.name(), recorded: records, rebuilt: found });
+        }
+        let (bytes, found) = (recorded.record_bytes(section), rebuilt.record_bytes(section));
+        if bytes != found {
+            return Err(PlayError::OtherRecords { section: section.name(), recorded: bytes, rebuilt: found });
         }
     }
     Ok(())

@@ -137,7 +137,7 @@ impl<R: Replacement> Directory<R> {
         };
         self.lines[slot as usize] = line;
         self.slots[line as usize] = slot + 1;
-        self.replacement.fill(slot);
+        self.replacement.fill(slot, line);
         Reference::Miss { slot, evicted }
     }
 }
@@ -207,7 +207,7 @@ mod tests {
             fn victim(&mut self, _set: u32) -> u32 {
                 2
             }
-            fn fill(&mut self, _slot: u32) {}
+            fn fill(&mut self, _slot: u32, _line: u32) {}
         }
         let mut directory = Directory::<Astray>::new(Slots { sets: 2, ways: 2 }, 8, 0);
         for line in [0, 2, 4] {

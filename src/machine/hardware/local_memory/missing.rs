@@ -1,25 +1,25 @@
 //! What a record lacks: the lines that one transaction is to bring.
 
-use super::{RECORD_LINES_MAX, WORD};
+use super::WORD;
 use crate::hardware::transaction::FetchRequest;
 use ground::ids::Address;
 use trace::database::Section;
 
-/// The missing lines of one record.
-pub(super) struct Missing {
+/// The missing lines of one record, which lies in at most so many: 32, the bits of the mask, or fewer.
+pub(super) struct Missing<const LINES_MAX: usize> {
     section: Section,
     /// The record's first line, missing or not.
     first: u32,
     /// Bit i: line `first + i` is missing.
     mask: u32,
     /// By i, the slot that the line was given.
-    slots: [u32; RECORD_LINES_MAX],
+    slots: [u32; LINES_MAX],
 }
 
-impl Missing {
+impl<const LINES_MAX: usize> Missing<LINES_MAX> {
     /// None yet.
     pub(super) fn new(section: Section, first: u32) -> Self {
-        Self { section, first, mask: 0, slots: [0; RECORD_LINES_MAX] }
+        Self { section, first, mask: 0, slots: [0; LINES_MAX] }
     }
 
     pub(super) fn add(&mut self, line: u32, slot: u32) {

@@ -8,6 +8,7 @@
 mod directory;
 mod geometry;
 mod missing;
+mod padded;
 mod source;
 
 pub use directory::{Directory, Reference};
@@ -16,6 +17,7 @@ pub use source::LineSource;
 
 use bytemuck::Pod;
 use missing::{Missing, copy_overlap};
+use padded::PaddedSections;
 
 use super::replacement::Replacement;
 use super::stats::{CLASSES, Counters, MemoryStats, octree_class, section_class};
@@ -24,11 +26,11 @@ use trace::database::{Layout, Section};
 use trace::tracer::memory_port::plain_reads;
 use trace::tracer::{MemoryPort, RayKind};
 
-/// Most lines that a record touches: a material on lines of 16 bytes, from the last word of the first one.
+/// Most lines that a record without padding touches: a material on lines of 16 bytes, from the last word of the first one.
 const RECORD_LINES_MAX: usize = 4;
 /// Bytes of a word: all records are made of whole ones.
 const WORD: usize = size_of::<u32>();
-/// Words of the largest record, a material.
+/// Words of the largest record without padding, a material.
 const RECORD_WORDS_MAX: u32 = (size_of::<Material>() / WORD) as u32;
 
 /// Why a record cannot be read. The record is lost to the tile; the memory can still be used.
@@ -42,11 +44,12 @@ pub enum MemoryError<E> {
     Corrupt(&'static str),
 }
 
-/// Where a section's records lie.
+/// Where a section's records lie, which have no padding.
 #[derive(Clone, Copy, Debug, Default)]
 struct SectionWords {
     /// Words from the start of the image.
     base: u32,
+    /// None of a section whose records are padded.
     records: u32,
 }
 
@@ -62,6 +65,7 @@ pub struct LocalMemory<R, S> {
     /// The bits of a word's address that give the place in a line.
     offset_mask: u32,
     sections: [SectionWords; Section::COUNT],
+    padded: Box<PaddedSections>,
     source: S,
     /// Fetched lines, on their way to the record and to their slots.
     fetched: Vec<u32>,
@@ -84,7 +88,11 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             layout.database_bytes(),
             "a local memory's geometry is resolved for its image"
         );
+        let padded = PaddedSections::new(layout);
         let place = |section| {
+            if padded.contains(section) {
+                return SectionWords::default();
+            }
             let span = layout.span(section);
             // An image is of at most 2³² bytes, so that its words can be counted.
             SectionWords { base: (span.base.0 / WORD as u64) as u32, records: span.records as u32 }
@@ -99,7 +107,8 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             offset_mask: line_words - 1,
             sections: Section::ALL.map(place),
             source,
-            fetched: vec![0; RECORD_LINES_MAX * line_words as usize],
+            fetched: vec![0; padded.record_lines_max() * line_words as usize],
+            padded: Box::new(padded),
             ray_kind: RayKind::Primary,
             hits: [[0; RayKind::COUNT]; CLASSES],
             stats: MemoryStats::default(),
@@ -137,7 +146,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     fn record<T: Pod>(&mut self, section: Section, index: u32, class: usize) -> Result<T, MemoryError<S::Error>> {
         let place = self.sections[section as usize];
         if index >= place.records {
-            return Err(MemoryError::OutOfRange { section, index });
+            return self.padded_record(section, index, class);
         }
         let words = const { (size_of::<T>() / WORD) as u32 };
         let start = place.base.wrapping_add(index.wrapping_mul(words));
@@ -163,7 +172,12 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
             return Ok(record);
         }
         let mut record = T::zeroed();
-        self.gather(section, start, class, bytemuck::cast_slice_mut(std::slice::from_mut(&mut record)))?;
+        self.gather::<RECORD_LINES_MAX>(
+            section,
+            start,
+            class,
+            bytemuck::cast_slice_mut(std::slice::from_mut(&mut record)),
+        )?;
         Ok(record)
     }
 
@@ -192,7 +206,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
 
     /// Reads a record that is missing, or that lies in more than two lines.
     #[inline(never)]
-    fn gather(
+    fn gather<const LINES_MAX: usize>(
         &mut self,
         section: Section,
         start: u32,
@@ -201,7 +215,7 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     ) -> Result<(), MemoryError<S::Error>> {
         let shift = self.line_shift;
         let (first, last) = (start >> shift, (start + record.len() as u32 - 1) >> shift);
-        let mut missing = Missing::new(section, first);
+        let mut missing = Missing::<LINES_MAX>::new(section, first);
         for line in first..=last {
             match self.directory.reference(line) {
                 Reference::Hit { slot } => {
@@ -223,7 +237,12 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     /// Fetches the missing lines of a record as one transaction.
     #[cold]
     #[inline(never)]
-    fn fetch(&mut self, missing: &Missing, start: u32, record: &mut [u32]) -> Result<(), MemoryError<S::Error>> {
+    fn fetch<const LINES_MAX: usize>(
+        &mut self,
+        missing: &Missing<LINES_MAX>,
+        start: u32,
+        record: &mut [u32],
+    ) -> Result<(), MemoryError<S::Error>> {
         let line_words = 1usize << self.line_shift;
         // This access is counted already, and is not before itself.
         let accesses = self.accesses + self.hits.as_flattened().iter().sum::<u64>();
@@ -286,5 +305,7 @@ impl<R: Replacement, S: LineSource> MemoryPort for LocalMemory<R, S> {
     }
 }
 
+#[cfg(test)]
+mod by_hand;
 #[cfg(test)]
 mod tests;

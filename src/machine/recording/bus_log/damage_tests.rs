@@ -236,8 +236,8 @@ fn every_damage_is_named_with_what_can_still_be_used() {
         ("a column missing", with_schema(without_column), "\"completion_ns\" of UInt64, found 15 columns", 0, false),
         (
             "another version",
-            with_entry("marti.format_version", "2"),
-            "expected format version 1, found \"2\"",
+            with_entry("marti.format_version", "3"),
+            "expected format version 1 to 2, found \"3\"",
             0,
             false,
         ),
@@ -246,8 +246,8 @@ fn every_damage_is_named_with_what_can_still_be_used() {
         ("another image", with_entry("marti.records", &records(9)), "expected the", 0, false),
         (
             "a sidecar of another version",
-            sidecar_with("format_version", 2),
-            "version 1 and complete, found 2",
+            sidecar_with("format_version", 3),
+            "version 1 to 2 and complete, found 3",
             80,
             false,
         ),

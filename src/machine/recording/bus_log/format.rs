@@ -14,8 +14,8 @@ use crate::recording::metadata;
 use ground::ids::{ClusterId, Epoch};
 use trace::database::{Layout, Section};
 
-/// Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
-pub const FORMAT_VERSION: u32 = 1;
+/// The newest. Raised when a column changes its name, type or meaning; a column added at the end does not raise it.
+pub const FORMAT_VERSION: u32 = metadata::FORMAT_VERSION;
 
 /// What holds for a recording as a whole. Kept as strings in the schema, under keys that begin with `marti.`.
 #[derive(Clone, PartialEq, Debug)]
@@ -35,7 +35,7 @@ impl Metadata {
             Arbiter::FixedPriority => "fixed_priority".to_owned(),
         };
         let own = [("marti.cluster", self.cluster.0.to_string()), ("marti.arbiter", arbiter)];
-        metadata::entries(FORMAT_VERSION, self.epoch, &self.layout, own)
+        metadata::entries(self.epoch, &self.layout, own)
     }
 
     /// What a schema says.
@@ -44,8 +44,8 @@ impl Metadata {
     /// An entry is missing, is not what it should be, or belongs to a version that this one does not read.
     pub(super) fn parse<'a>(entry: impl Fn(&str) -> Option<&'a str>) -> Result<Self, String> {
         let version = entry("marti.format_version").ok_or("expected the schema of a bus log, found another")?;
-        if version != FORMAT_VERSION.to_string() {
-            return Err(format!("expected format version {FORMAT_VERSION}, found {version:?}"));
+        if !metadata::is_known_version(version) {
+            return Err(format!("expected format version 1 to {FORMAT_VERSION}, found {version:?}"));
         }
         let missing = |key: &str| format!("the schema says nothing of {key}");
         let number = |key: &str| {
@@ -57,7 +57,7 @@ impl Metadata {
             number => Err(format!("{key}: expected at most {max}, found {number}")),
         };
         let arbiter = entry("marti.arbiter").ok_or_else(|| missing("marti.arbiter"))?;
-        let layout = layout(entry("marti.records").ok_or_else(|| missing("marti.records"))?)?;
+        let layout = metadata::parse_layout(&entry)?;
         let (said, counted) = (number("marti.image_bytes")?, layout.database_bytes());
         if said != counted {
             return Err(format!("marti.image_bytes: expected the {counted} of marti.records, found {said}"));
@@ -83,20 +83,10 @@ fn parse_arbiter(text: &str) -> Option<Arbiter> {
     }
 }
 
-fn layout(text: &str) -> Result<Layout, String> {
-    let bad = |why: String| format!("marti.records: {why}");
-    let records: HashMap<String, u64> = serde_json::from_str(text).map_err(|error| bad(error.to_string()))?;
-    let mut counts = [0; Section::COUNT];
-    for section in Section::ALL {
-        let count = records.get(section.name());
-        counts[section as usize] = *count.ok_or_else(|| bad(format!("nothing of {}", section.name())))?;
-    }
-    Layout::new(counts).map_err(|error| bad(error.to_string()))
-}
-
 /// Turns rows into record batches of one schema.
 pub(super) struct Format {
     schema: SchemaRef,
+    version: u32,
     /// The names of kinds and of sections, each at its code. Shared by all batches, so that they are written once.
     kinds: ArrayRef,
     sections: ArrayRef,
@@ -130,10 +120,16 @@ impl Format {
 
     pub(super) fn new(metadata: &Metadata) -> Self {
         Self {
+            version: metadata::format_version(&metadata.layout),
             schema: Arc::new(Self::columns().with_metadata(metadata.entries())),
             kinds: Arc::new(StringArray::from_iter_values(Kind::ALL.map(Kind::name))),
             sections: Arc::new(StringArray::from_iter_values(Section::ALL.map(Section::name))),
         }
+    }
+
+    /// In which the log is written.
+    pub(super) fn version(&self) -> u32 {
+        self.version
     }
 
     pub(super) fn schema(&self) -> &SchemaRef {
@@ -186,9 +182,10 @@ pub(super) mod tests {
     use super::super::rows::{check, rows};
     use super::*;
     use ground::ids::{Address, Attempt, NodeId, TileId};
+    use trace::database::strides::Strides;
 
     pub(in super::super) fn metadata() -> Metadata {
-        let layout = Layout::new([8, 10, 3, 0, 0, 3, 0, 1]).expect("small");
+        let layout = Layout::new([8, 10, 3, 0, 0, 3, 0, 1, 0]).expect("small");
         Metadata { cluster: ClusterId(2), epoch: Epoch(1), arbiter: Arbiter::RoundRobin { quantum: 4 }, layout }
     }
 
@@ -232,6 +229,24 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn a_schema_says_which_layout_it_is_of() {
+        let strides = Strides::new([4, 4, 76, 16, 32, 8, 72, 48, 300]).expect("possible");
+        let counts = [8, 10, 3, 0, 0, 3, 0, 1, 2];
+        for (layout, version) in [
+            (metadata().layout, 1),
+            (Layout::new(counts).expect("small"), 2),
+            (Layout::padded([8, 10, 3, 0, 0, 3, 0, 1, 0], strides).expect("small"), 2),
+            (Layout::padded(counts, strides).expect("small"), 2),
+        ] {
+            let written = Metadata { layout, ..metadata() };
+            let format = Format::new(&written);
+            let said = |key: &str| format.schema().metadata().get(key).map(String::as_str);
+            assert_eq!((Metadata::parse(said), format.version()), (Ok(written.clone()), version));
+            assert_eq!(said("marti.record_bytes").is_some(), version > 1);
+        }
+    }
+
+    #[test]
     fn the_schema_says_what_the_recording_is_of() {
         let format = Format::new(&metadata());
         let entry = |key: &str| format.schema().metadata()[key].as_str();
@@ -239,7 +254,7 @@ pub(super) mod tests {
         assert_eq!(entry("marti.arbiter"), "round_robin 4");
         assert_eq!(entry("marti.image_bytes"), "1280");
         let records: HashMap<String, u64> = serde_json::from_str(entry("marti.records")).expect("JSON");
-        assert_eq!(records.len(), Section::COUNT);
+        assert_eq!(records.len(), Section::COUNT - 1, "no polygons");
         assert_eq!((records["octree_nodes"], records["leaf_lists"], records["spheres"]), (8, 10, 0));
     }
 }

@@ -237,7 +237,7 @@ fn vouch(folder: &Path) -> Result<Sidecar, Doubt> {
             SidecarFault::Long(bytes) => format!("{SIDECAR_NAME}: expected at most {max} bytes, found {bytes}"),
             SidecarFault::Json(error) => format!("{SIDECAR_NAME} is not a sidecar: {error}"),
             SidecarFault::Version { found, complete } => format!(
-                "{SIDECAR_NAME}: expected format version {FORMAT_VERSION} and complete, found {found} and {complete}"
+                "{SIDECAR_NAME}: expected format version 1 to {FORMAT_VERSION} and complete, found {found} and {complete}"
             ),
         })
     })?;

@@ -110,7 +110,7 @@ impl RowStream {
 
     /// Ends the stream, renames the file and writes the sidecar.
     pub(super) fn finish(self) -> Result<Sidecar, RecordingError> {
-        let Self { folder, partial, stream, rows, sequences, .. } = self;
+        let Self { folder, partial, format, stream, rows, sequences } = self;
         let buffered = stream.into_inner().map_err(|source| RecordingError::Arrow { path: partial.clone(), source })?;
         let whole = folder.join(FILE_NAME);
         let checked = buffered.get_ref();
@@ -120,7 +120,7 @@ impl RowStream {
         in_file(&partial, checked.inner.0.sync_all())?;
         in_file(&whole, fs::rename(&partial, &whole))?;
         let sidecar = Sidecar {
-            format_version: FORMAT_VERSION,
+            format_version: format.version(),
             marti_version: env!("CARGO_PKG_VERSION").to_owned(),
             rows,
             bytes: checked.bytes,

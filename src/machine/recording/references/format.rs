@@ -9,8 +9,8 @@ use crate::recording::metadata;
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 use trace::database::Layout;
 
-/// Raised when a column or a word changes its meaning; a column added at the end does not raise it.
-pub const FORMAT_VERSION: u32 = 1;
+/// The newest. Raised when a column or a word changes its meaning; a column added at the end does not raise it.
+pub const FORMAT_VERSION: u32 = metadata::FORMAT_VERSION;
 
 /// The file of a node process.
 pub fn file_name(node: NodeId, epoch: Epoch) -> String {
@@ -71,7 +71,7 @@ pub(super) fn columns() -> Schema {
 
 pub(super) fn schema(node: NodeId, epoch: Epoch, layout: &Layout) -> SchemaRef {
     let own = [("marti.format", "references".to_owned()), ("marti.node", node.0.to_string())];
-    Arc::new(columns().with_metadata(metadata::entries(FORMAT_VERSION, epoch, layout, own)))
+    Arc::new(columns().with_metadata(metadata::entries(epoch, layout, own)))
 }
 
 fn word() -> Arc<Field> {

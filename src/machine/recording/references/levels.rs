@@ -9,7 +9,7 @@ pub const LEVELS_NAME: &str = "octree-levels.u8";
 
 /// By block of eight octree words, the level of the nodes in it; the root's is 0.
 pub fn octree_levels(database: &Verified) -> Vec<u8> {
-    let words: &[OctreeWord] = database.database().records(Section::OctreeNodes);
+    let words: &[OctreeWord] = database.unpadded().records(Section::OctreeNodes);
     let mut levels = vec![0; words.len() / 8];
     // A verified octree has no more than 20 levels.
     let mut rest = vec![(words[0], 0u8)];

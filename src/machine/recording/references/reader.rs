@@ -9,6 +9,7 @@ use super::{Conditions, LEVELS_NAME, LostTile, SIDECAR_NAME, Sidecar, file_name}
 use crate::hardware::references::RecordNumbers;
 use crate::hardware::trace::{Trace, TraceError, TracedTile};
 use crate::recording::frames::ReadAt;
+use crate::recording::metadata;
 use ground::ids::{Epoch, NodeId};
 use ground::regular_file;
 use trace::database::{Layout, Section};
@@ -65,13 +66,7 @@ impl Recording {
         let (sidecar, fault) = Sidecar::read(folder).map_err(named)?;
         let conditions = conditions(&sidecar.topology).map_err(named)?;
         let tiling = Tiling::try_from(sidecar.tiling).map_err(|error| named(error.to_string()))?;
-        let mut records = [0; Section::COUNT];
-        for section in Section::ALL {
-            let found = sidecar.records.get(section.name()).copied();
-            records[section as usize] =
-                found.ok_or_else(|| named(format!("expected the records of section {}", section.name())))?;
-        }
-        let layout = Layout::new(records).map_err(|error| named(error.to_string()))?;
+        let layout = metadata::layout(&sidecar.records, sidecar.record_bytes.as_ref()).map_err(named)?;
         let mut opened = Opened {
             recording: Self {
                 conditions,

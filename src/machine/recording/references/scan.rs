@@ -1,6 +1,7 @@
 //! Walks through one file of references and checks all of it: frames, columns, checksums, words.
 
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use arrow_array::cast::AsArray;
@@ -13,7 +14,7 @@ use super::{FORMAT_VERSION, FileFacts};
 use crate::hardware::references::{Event, PART_WORDS, RecordNumbers, ReferenceWord};
 use crate::recording::batches::{Batch, BatchError, BatchLimits, Batches};
 use crate::recording::frames::{FrameLimits, ReadAt};
-use crate::recording::metadata::records_json;
+use crate::recording::metadata;
 use crate::recording::sidecar::checksum;
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 use ground::regular_file;
@@ -97,11 +98,12 @@ impl Scan {
         let expected = |_| at(0, 0, &format!("expected the columns {}", COLUMNS.join(", ")));
         let mut batches = batches.with_columns(&columns()).map_err(expected)?;
         let numbers = RecordNumbers::new(layout);
+        let tested = Tested::new(layout, &numbers);
         let mut tests = 0;
         while let Some(batch) = batches.next_batch().map_err(said)? {
             let mut take = || {
                 let row = row(&batch)?;
-                let (place, reads, tested) = check_words(&row, &numbers)?;
+                let (place, reads, tested) = check_words(&row, &numbers, &tested)?;
                 tests = if row.part == 0 { tested } else { tests + tested };
                 self.book(&row, place, reads, tests)
             };
@@ -116,15 +118,15 @@ impl Scan {
         if entry("marti.format") != Some("references") {
             return Err("expected the schema of recorded references".to_owned());
         }
-        if version != FORMAT_VERSION.to_string() {
-            return Err(format!("recorded in version {version} of the format, expected {FORMAT_VERSION}"));
+        if !metadata::is_known_version(version) {
+            return Err(format!("recorded in version {version} of the format, expected 1 to {FORMAT_VERSION}"));
         }
         let process = (entry("marti.node"), entry("marti.epoch"));
         let expected = (self.node.0.to_string(), self.epoch.0.to_string());
         if process != (Some(expected.0.as_str()), Some(expected.1.as_str())) {
             return Err(format!("the references of another process, expected {}, {}", self.node, self.epoch));
         }
-        if entry("marti.records") != Some(&records_json(layout)) {
+        if !metadata::is_of_layout(layout, entry) {
             return Err("references to another database than that of the recording".to_owned());
         }
         Ok(())
@@ -203,15 +205,32 @@ fn value<T: ArrowPrimitiveType>(column: &dyn Array) -> Result<T::Native, String>
     column.map(|column| column.value(0)).ok_or_else(|| format!("expected a column of {}", T::DATA_TYPE))
 }
 
+/// Records whose read is a test of a primitive: polygons are, or else triangles, and spheres and cones.
+struct Tested {
+    primitives: Range<u32>,
+    polygons: Range<u32>,
+}
+
+impl Tested {
+    fn new(layout: &Layout, numbers: &RecordNumbers) -> Self {
+        let first = if layout.has_polygons() { Section::Spheres } else { Section::Triangles };
+        let primitives = numbers.section(first).start..numbers.section(Section::Surfaces).start;
+        Self { primitives, polygons: numbers.section(Section::Polygons) }
+    }
+
+    fn contains(&self, record: u32) -> bool {
+        self.primitives.contains(&record) || self.polygons.contains(&record)
+    }
+}
+
 /// Checks a row's words, and counts reads and reads of primitives.
-fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Part, u64, u64), String> {
+fn check_words(row: &Row, numbers: &RecordNumbers, tested: &Tested) -> Result<(Part, u64, u64), String> {
     let crc32c = crc32c::crc32c(bytemuck::cast_slice(row.words));
     let found = row_crc32c(crc32c, row.tile, row.attempt, row.part, row.is_last, row.primitive_tests);
     // A fuzzer cannot guess checksums, and is to see what they guard.
     if found != row.crc32c && !cfg!(fuzzing) {
         return Err(format!("crc32c of the row is {found:#010x}, expected {:#010x}", row.crc32c));
     }
-    let tested = numbers.section(Section::Triangles).start..numbers.section(Section::Surfaces).start;
     let (mut reads, mut tests) = (0u64, 0u64);
     for &word in row.words {
         if ReferenceWord(word).is_read() {
@@ -219,7 +238,7 @@ fn check_words(row: &Row, numbers: &RecordNumbers) -> Result<(Part, u64, u64), S
                 return Err(format!("a read of record {word}, expected one below {}", numbers.count()));
             }
             reads += 1;
-            tests += u64::from(tested.contains(&word));
+            tests += u64::from(tested.contains(word));
         } else if !matches!(ReferenceWord(word).decode(), Some(Event::Ray(_))) {
             return Err(format!("{word:#010x} is no word that this version knows"));
         }

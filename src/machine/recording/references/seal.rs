@@ -1,12 +1,12 @@
 //! The end of a recording: what holds for all that node processes left in a folder is written beside it.
 
-use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use super::{FORMAT_VERSION, FileFacts, LEVELS_NAME, LostTile, Sidecar, cut_torn_tails, scan};
+use super::{FileFacts, LEVELS_NAME, LostTile, Sidecar, cut_torn_tails, scan};
+use crate::recording::metadata;
 use ground::atomic_file;
-use trace::database::{Layout, Section};
+use trace::database::Layout;
 use trace::picture::Tiling;
 
 /// What was recorded.
@@ -34,14 +34,15 @@ impl Seal {
         atomic_file::write(&folder.join(LEVELS_NAME), |file| io::Write::write_all(file, levels))?;
         cut_torn_tails(folder).map_err(io::Error::other)?;
         let scanned = scan(folder, &self.layout).map_err(io::Error::other)?;
-        let records = Section::ALL.map(|section| (section.name().to_owned(), self.layout.span(section).records));
+        let by_name = |numbers: Vec<(&str, u64)>| numbers.into_iter().map(|(name, n)| (name.to_owned(), n)).collect();
         Sidecar {
-            format_version: FORMAT_VERSION,
+            format_version: metadata::format_version(&self.layout),
             marti_version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: self.scene_sha256.clone(),
             topology: self.topology.clone(),
             tiling: self.tiling.sides(),
-            records: BTreeMap::from(records),
+            records: by_name(metadata::records(&self.layout)),
+            record_bytes: metadata::record_bytes(&self.layout).map(by_name),
             local_bytes: self.local_bytes,
             tiles_missing,
             lost: scanned.attempts.into_iter().filter(|tile| !is_accepted(tile)).collect(),

@@ -32,8 +32,11 @@ pub struct Sidecar {
     /// The resolved topology: TOML.
     pub topology: String,
     pub tiling: Sides,
-    /// Of each section of the image.
+    /// Of each section of the image; polygons are left out where there are none.
     pub records: BTreeMap<String, u64>,
+    /// Bytes of a record of each section; `None` in version 1, whose records have no padding.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record_bytes: Option<BTreeMap<String, u64>>,
     /// Of one node's local memory, resolved.
     pub local_bytes: u64,
     /// Tiles that no node finished.
@@ -88,7 +91,9 @@ impl Sidecar {
             SidecarFault::Io(error) => error.to_string(),
             SidecarFault::Long(_) => format!("more than {BYTES_MAX} bytes, expected a sidecar"),
             SidecarFault::Json(error) => format!("{error}, expected the sidecar of recorded references"),
-            SidecarFault::Version { found, .. } => format!("version {found} of the format, expected {FORMAT_VERSION}"),
+            SidecarFault::Version { found, .. } => {
+                format!("version {found} of the format, expected 1 to {FORMAT_VERSION}")
+            }
         })?;
         if sidecar.files.len() > FILES_MAX {
             return Err(format!("{} files, expected at most {FILES_MAX}", sidecar.files.len()));

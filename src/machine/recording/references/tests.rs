@@ -10,6 +10,7 @@ use crate::hardware::trace::Trace;
 use crate::tile_order::TileOrder;
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 use trace::database::Section;
+use trace::database::strides::Strides;
 use trace::picture::{Sides, Tiling};
 use trace::tracer::RayKind;
 
@@ -19,7 +20,12 @@ const TOPOLOGY: &str =
 const TILING: Tiling = Tiling::new(Sides { width: 12, height: 8, tile_width: 4, tile_height: 4 }).expect("possible");
 
 fn layout() -> Layout {
-    Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small")
+    Layout::new([80, 100, 50, 7, 3, 60, 20, 4, 0]).expect("small")
+}
+
+/// Those of recordings of version 1.
+fn sections() -> impl Iterator<Item = Section> {
+    Section::ALL.into_iter().filter(|&section| section != Section::Polygons)
 }
 
 /// Words of a tile: a ray, then reads all over the image.
@@ -54,12 +60,14 @@ fn write_sidecar(folder: &Path, lost: Vec<LostTile>) {
     cut_torn_tails(folder).expect("readable");
     let scanned = scan(folder, &layout()).expect("readable");
     let sidecar = Sidecar {
-        format_version: FORMAT_VERSION,
+        // As recordings were before records could be padded: they say nothing of it, and nothing of polygons.
+        format_version: 1,
         marti_version: "0".to_owned(),
         scene_sha256: "00".to_owned(),
         topology: TOPOLOGY.to_owned(),
         tiling: TILING.sides(),
-        records: Section::ALL.map(|section| (section.name().to_owned(), layout().span(section).records)).into(),
+        records: sections().map(|section| (section.name().to_owned(), layout().span(section).records)).collect(),
+        record_bytes: None,
         local_bytes: 1024,
         tiles_missing: 0,
         lost,
@@ -137,6 +145,52 @@ fn what_is_written_is_read() {
     assert_eq!((recording.layout, recording.tiling, recording.lost), (layout(), TILING, vec![LOST]));
     assert_eq!(recording.octree_levels, (0..10).collect::<Vec<u8>>());
     assert_eq!(recording.conditions.cluster.nodes, 2);
+}
+
+/// A run's end writes the newest version only where the database has what earlier ones do not know.
+#[test]
+fn polygons_and_padding_are_recorded_and_read_in_a_version_of_their_own() {
+    let counts = [80, 100, 50, 7, 3, 60, 20, 4, 9];
+    let strides = Strides::new([4, 4, 76, 16, 32, 8, 72, 48, 300]).expect("possible");
+    let padded = |counts| Layout::padded(counts, strides).expect("small");
+    let plain = layout();
+    let layouts = [(plain.clone(), 1), (Layout::new(counts).expect("small"), 2), (padded(counts), 2)];
+    for (layout, version) in layouts {
+        let folder = tempfile::tempdir().expect("a folder");
+        let numbers = RecordNumbers::new(&layout);
+        let objects = if layout.has_polygons() { Section::Polygons } else { Section::Triangles };
+        // Only one of them is a test: triangles are read as parts of polygons where there are any.
+        let read = |section: Section| ReferenceWord::read(numbers.section(section).start).0;
+        let words = [ReferenceWord::ray(RayKind::Primary).0, read(Section::Triangles), read(Section::Polygons)];
+        let words = if objects == Section::Polygons { words.to_vec() } else { words[..2].to_vec() };
+        let mut writer = Writer::create(folder.path(), NodeId(0), Epoch(0), &layout).expect("a folder");
+        for tile in 0..6 {
+            writer.begin(TileId(tile), Attempt(0));
+            writer.end(&words, 1).expect("written");
+        }
+        let seal = Seal {
+            topology: TOPOLOGY.to_owned(),
+            layout: layout.clone(),
+            tiling: TILING,
+            octree_levels: vec![0; 10],
+            scene_sha256: "00".to_owned(),
+            local_bytes: 1024,
+        };
+        seal.put(folder.path(), 0, |_| true).expect("written");
+        let (sidecar, fault) = Sidecar::read(folder.path()).expect("a sidecar");
+        assert_eq!((sidecar.format_version, fault), (version, None));
+        assert_eq!(
+            (sidecar.record_bytes.is_some(), sidecar.records.contains_key("polygons")),
+            (version > 1, version > 1)
+        );
+        let Opened { recording, faults } = open_references(folder.path()).expect("whole");
+        assert_eq!(faults, [""; 0]);
+        assert!(recording.layout == layout && recording.tiles().len() == 6);
+        // Files of another layout are those of another database.
+        let other = if layout == plain { padded(counts) } else { plain.clone() };
+        let scan = Scan::of(&folder.path().join("references-n000-e0.arrows"), NodeId(0), Epoch(0), &other);
+        assert!(scan.expect("readable").fault.is_some_and(|fault| fault.contains("another database")));
+    }
 }
 
 #[test]

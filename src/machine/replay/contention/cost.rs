@@ -4,7 +4,8 @@ use crate::hardware::specification::Processor;
 use trace::database::Section;
 
 /// What a processor spends on a record that it reads: the access itself, and what it does with it. A read of an octree
-/// node is a step of the walk, one of a primitive is a test, one of a surface is a shading.
+/// node is a step of the walk, one of a primitive is a test, one of a surface is a shading. A polygon's tests are those of its
+/// triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadCycles([u32; Section::COUNT]);
 
@@ -17,7 +18,7 @@ impl ReadCycles {
                     Section::OctreeNodes => octree_node,
                     Section::Triangles | Section::Spheres | Section::Cones => primitive_test,
                     Section::Surfaces => shading,
-                    Section::LeafLists | Section::Normals | Section::Materials => 0,
+                    Section::LeafLists | Section::Normals | Section::Materials | Section::Polygons => 0,
                 }
         }))
     }

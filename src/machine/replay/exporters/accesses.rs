@@ -81,8 +81,8 @@ pub fn visit(
                     section,
                     level: (section == Section::OctreeNodes).then(|| classes.level(index)),
                     index,
-                    address: layout.span(section).base.0 + u64::from(index) * section.record_bytes(),
-                    bytes: section.record_bytes(),
+                    address: layout.address(section, index).0,
+                    bytes: layout.record_bytes(section),
                 })?;
                 accesses += 1;
             }

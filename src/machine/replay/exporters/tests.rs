@@ -14,7 +14,7 @@ use trace::tracer::RayKind;
 /// Two tiles of an image of 3×2, of which the second was traced by node 1 in two parts.
 fn example() -> (Layout, Captured) {
     // Octree words from 0 on (64 bytes in a granule of 256), triangles of 40 bytes from 256 on.
-    let layout = Layout::new([16, 0, 4, 0, 0, 0, 0, 0]).expect("small");
+    let layout = Layout::new([16, 0, 4, 0, 0, 0, 0, 0, 0]).expect("small");
     let numbers = RecordNumbers::new(&layout);
     let octree = |index| ReferenceWord::read(numbers.number(Section::OctreeNodes, index)).0;
     let triangle = |index| ReferenceWord::read(numbers.number(Section::Triangles, index)).0;

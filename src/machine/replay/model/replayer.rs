@@ -26,7 +26,7 @@ pub struct Replayer<'a, R, L> {
     placement: Placement,
     directory: Directory<R>,
     /// The line of the last reference, if that was a hit. By the contract of [`Replacement`] hitting it again at once changes
-    /// nothing, so that the policy is not called.
+    /// nothing, so that the policy is not called unless it says that repeated hits count.
     hit_last: u32,
     words: Vec<u32>,
 }
@@ -155,7 +155,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// References a line: 1 if it was missing, else 0.
     #[inline(always)]
     fn misses(&mut self, line: u32) -> u32 {
-        if line == self.hit_last {
+        if !R::REPEATED_HITS_COUNT && line == self.hit_last {
             return 0;
         }
         match self.directory.slot(line) {

@@ -73,6 +73,7 @@ impl Trace for Captured {
 pub(crate) mod tests {
     use super::*;
     use crate::hardware::references::{Event, ReferenceWord};
+    use trace::database::RecordLayout;
     use trace::picture::ImageSettings;
     use trace::picture::Sides;
     use trace::preparation;
@@ -80,10 +81,16 @@ pub(crate) mod tests {
 
     /// The teapot at so many pixels a side in tiles of 8×8, and its database.
     pub(crate) fn teapot(side: u32, nodes: u16) -> (Verified, Captured) {
-        let source = "teapot".parse().expect("a procedural scene");
+        scene("teapot", RecordLayout::DEFAULT, side, nodes)
+    }
+
+    /// The same of another scene, its records laid out like this.
+    pub(crate) fn scene(name: &str, records: RecordLayout, side: u32, nodes: u16) -> (Verified, Captured) {
+        let source = name.parse().expect("a procedural scene");
         let octree = trace::tracer::octree::Octree::DEFAULT;
+        let choices = preparation::BuildChoices { octree, records };
         let image = ImageSettings::new(side, side, 4, 0.01).expect("possible");
-        let prepared = preparation::prepare(&source, octree, &preparation::ViewChoices::default(), |_| Ok(image))
+        let prepared = preparation::prepare(&source, choices, &preparation::ViewChoices::default(), |_| Ok(image))
             .expect("a scene");
         let tiling = Tiling::new(Sides { width: side, height: side, tile_width: 8, tile_height: 8 }).expect("possible");
         let captured = Captured::capture(&prepared.database, &prepared.view, tiling, true, nodes);

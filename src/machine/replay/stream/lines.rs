@@ -64,14 +64,18 @@ impl Spans {
 #[derive(Clone, Debug)]
 pub struct RecordLines {
     numbers: RecordNumbers,
-    /// By section: words of a record, and what must be added to its number times that to get its first word.
+    /// By section: words of a record with its padding, and what must be added to its number times that to get its first word.
     words: [u32; Section::COUNT],
     offset: [u32; Section::COUNT],
     /// A line's words are 2 to this power.
     line_shift: u32,
     count: u32,
+    has_polygons: bool,
     simd: Simd,
 }
+
+/// Polygons are in the last section.
+const WITHOUT_POLYGONS: usize = Section::Polygons as usize;
 
 impl RecordLines {
     /// Of a database with this layout, in lines of so many bytes: a power of two, 16 to 256.
@@ -84,14 +88,15 @@ impl RecordLines {
             "a line of {line_bytes} bytes: expected a power of two, 16 to 256"
         );
         let numbers = RecordNumbers::new(layout);
-        let words = Section::ALL.map(|section| section.record_bytes() as u32 / 4);
+        let words = layout.strides().bytes().map(|bytes| bytes / 4);
         let offset = Section::ALL.map(|section| {
             let base = (layout.span(section).base.0 / 4) as u32;
             base.wrapping_sub(numbers.number(section, 0).wrapping_mul(words[section as usize]))
         });
         let line_shift = (line_bytes / 4).trailing_zeros();
         let count = (layout.database_bytes() / u64::from(line_bytes)) as u32;
-        Self { numbers, words, offset, line_shift, count, simd: Simd::best() }
+        let has_polygons = layout.has_polygons();
+        Self { numbers, words, offset, line_shift, count, has_polygons, simd: Simd::best() }
     }
 }
 
@@ -107,7 +112,11 @@ impl Lines for RecordLines {
 
     #[inline(always)]
     fn spans(&self, words: &[u32], spans: &mut Spans) {
-        self.simd.run(Find { lines: self, words, spans });
+        if self.has_polygons {
+            self.simd.run(Find::<{ Section::COUNT }> { lines: self, words, spans });
+        } else {
+            self.simd.run(Find::<WITHOUT_POLYGONS> { lines: self, words, spans });
+        }
     }
 
     fn count(&self) -> u32 {
@@ -125,14 +134,14 @@ impl Lines for RecordLines {
     }
 }
 
-/// [`Lines::spans`] without a branch, which compilers turn into vector instructions.
-struct Find<'a> {
+/// [`Lines::spans`] without a branch, which compilers turn into vector instructions. The first so many sections have records.
+struct Find<'a, const SECTIONS: usize> {
     lines: &'a RecordLines,
     words: &'a [u32],
     spans: &'a mut Spans,
 }
 
-impl Task for Find<'_> {
+impl<const SECTIONS: usize> Task for Find<'_, SECTIONS> {
     type Output = ();
 
     #[inline(always)]
@@ -142,7 +151,7 @@ impl Task for Find<'_> {
         let Spans { first, count } = self.spans;
         for ((&word, first), count) in self.words.iter().zip(first).zip(count) {
             let (mut length, mut add) = (words[0], offset[0]);
-            for section in 1..Section::COUNT {
+            for section in 1..SECTIONS {
                 let is_there = word >= starts[section];
                 length = if is_there { words[section] } else { length };
                 add = if is_there { offset[section] } else { add };
@@ -158,21 +167,36 @@ impl Task for Find<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trace::database::strides::Strides;
     use trace::tracer::RayKind;
 
     #[test]
     fn records_lie_where_the_layout_puts_them() {
-        let layout = Layout::new([80, 100, 50, 7, 3, 60, 20, 4]).expect("small");
-        let numbers = RecordNumbers::new(&layout);
+        let records = [80, 100, 50, 7, 3, 60, 20, 4, 0];
+        let with_polygons = [80, 100, 50, 7, 3, 60, 20, 4, 9];
+        let strides = Strides::new([4, 4, 76, 16, 100, 8, 72, 64, 300]).expect("possible");
+        for layout in [
+            Layout::new(records),
+            Layout::new(with_polygons),
+            Layout::padded(records, strides),
+            Layout::padded(with_polygons, strides),
+        ] {
+            records_lie_where(&layout.expect("small"));
+        }
+    }
+
+    fn records_lie_where(layout: &Layout) {
+        let numbers = RecordNumbers::new(layout);
         for line_bytes in [16, 32, 64, 128, 256] {
-            let lines = RecordLines::new(&layout, line_bytes);
+            let lines = RecordLines::new(layout, line_bytes);
             for section in Section::ALL {
                 for index in 0..layout.span(section).records as u32 {
                     let number = numbers.number(section, index);
                     assert_eq!(numbers.place(number), (section, index));
-                    let start = layout.span(section).base.0 + u64::from(index) * section.record_bytes();
+                    let bytes = layout.record_bytes(section);
+                    let start = layout.span(section).base.0 + u64::from(index) * bytes;
                     let line = |byte: u64| (byte / u64::from(line_bytes)) as u32;
-                    let (first, last) = (line(start), line(start + section.record_bytes() - 1));
+                    let (first, last) = (line(start), line(start + bytes - 1));
                     assert_eq!(lines.of(number), (first, last - first + 1), "{section:?} {index}");
                     assert!(last < lines.count());
                 }

@@ -91,7 +91,7 @@ impl<T: DatabaseTrace> Subject for T {
     }
 
     fn record_words(&self) -> Vec<u32> {
-        Section::ALL.map(|section| section.record_bytes() as u32 / 4).to_vec()
+        self.source().layout.strides().bytes().map(|bytes| bytes / 4).to_vec()
     }
 
     fn read_cycles(&self, processor: &Processor) -> Vec<u32> {

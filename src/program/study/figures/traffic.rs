@@ -122,7 +122,7 @@ impl Traffic {
             conditions: Conditions::new(traced, line_bytes, order),
             nodes,
             messages: Messages::new(traced.run.tiling),
-            unique_processor_bytes: 4 * traced.reads.words_read(),
+            unique_processor_bytes: 4 * traced.reads.words_read(&traced.layout),
             sizes: sizes.iter().map(size).collect::<Result<_, _>>()?,
             curve: thinned(&curve, line_bytes, traced.layout.database_bytes()),
         })
@@ -156,7 +156,7 @@ fn thinned(curve: &LruCurve, line_bytes: u32, database_bytes: u64) -> Vec<CurveP
 
 impl Size {
     fn new<T>(traced: &Traced<T>, nodes: u16, size: MemorySize, geometry: Geometry, totals: &Counters) -> Self {
-        let mut counts = Counts::new(totals, traced.reads.words_read(), geometry.line_bytes);
+        let mut counts = Counts::new(totals, traced.reads.words_read(&traced.layout), geometry.line_bytes);
         let mut bus_bytes = counts.bus_bytes();
         if size == MemorySize::All {
             counts = Counts { misses: 0, line_misses: 0, words_moved: 0, ..counts };

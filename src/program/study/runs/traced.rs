@@ -173,7 +173,7 @@ mod tests {
             let local_memory = MemorySize::Share { numerator: 1, denominator: 1 };
             let setting = machine::replay::plan::setting::Setting { local_memory, ..fixture::setting(nodes) };
             let rows = evaluate(&traced, &[setting], &Evaluation::default(), |_| {}).expect("in memory");
-            assert_eq!(rows[0].counts.words_read, traced.reads.words_read());
+            assert_eq!(rows[0].counts.words_read, traced.reads.words_read(&traced.layout));
             let schedule = TileSchedule::interleaved(&traced.ordered(TileOrder::Scanline), u32::from(nodes));
             let curve = traced.curve(&schedule, setting.line).expect("in memory");
             assert_eq!(

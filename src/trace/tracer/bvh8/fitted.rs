@@ -41,7 +41,6 @@ pub(super) struct Boxes<'a> {
 
 impl<'a> Boxes<'a> {
     pub(super) fn new(database: &'a Verified) -> Self {
-        let database = database.database();
         let Primitives { triangles, spheres, cones } = Primitives::of(database);
         let curved = spheres.iter().map(Bounds::of_sphere).chain(cones.iter().map(Bounds::of_cone)).collect();
         Self { triangles, curved }

@@ -23,24 +23,44 @@ pub struct Octree {
     pub leaf_lists: Vec<u32>,
 }
 
-/// Builds the octree over all primitives. The result is a function of the records and parameters alone.
+/// Builds the octree over all objects. The result is a function of the records and parameters alone.
+///
+/// A polygon overlaps the cells that any of its triangles does. So cells hold triangles, in the order of their ids, of which
+/// those of one polygon follow one another and count once.
 pub fn build(records: &Records, parameters: BuildParameters) -> Octree {
     let count = records.primitive_count();
     let mut builder = Builder {
         primitives: Octants::new(records),
+        objects: objects(records),
         parameters,
         octree: Octree { words: vec![0; 8], leaf_lists: Vec::new() },
         cells: records.primitive_ids().map(|id| id.0).collect(),
         octants: Vec::new(),
     };
-    let bytes_max = records.octree_bytes_max().min(BYTES_FREE + BYTES_A_PRIMITIVE * count as u64);
+    let bytes_max = records.octree_bytes_max().min(BYTES_FREE + BYTES_A_PRIMITIVE * records.object_count() as u64);
     let root = builder.node(Cell::ROOT, 0, 0, count, bytes_max);
     builder.octree.words[0] = root.0;
     builder.octree
 }
 
+/// By primitive, the object that it is of; empty where every primitive is one by itself.
+fn objects(records: &Records) -> Vec<u32> {
+    let mut objects = Vec::new();
+    if !records.polygons.is_empty() {
+        objects.reserve_exact(records.primitive_count());
+        for (id, polygon) in (0..).zip(&records.polygons) {
+            objects.extend(polygon.triangles().map(|_| id));
+        }
+        let others = records.polygons.len() as u32..records.object_count() as u32;
+        objects.extend(others);
+    }
+    objects
+}
+
 struct Builder<'a> {
     primitives: Octants<'a>,
+    /// By primitive; empty where every primitive is an object by itself.
+    objects: Vec<u32>,
     parameters: BuildParameters,
     octree: Octree,
     /// The primitives of the cells on the way down, a stack: the current cell's are on top.
@@ -53,10 +73,10 @@ impl Builder<'_> {
     /// Makes the node of a cell whose primitives are `cells[first..end]`. When it and all below it are made,
     /// the octree has at most `bytes_max` bytes; a leaf fits into that.
     fn node(&mut self, cell: Cell, level: u32, first: usize, end: usize, bytes_max: u64) -> OctreeWord {
-        let count = end - first;
-        if count == 0 {
+        if first == end {
             return OctreeWord::EMPTY;
         }
+        let count = self.count(first, end);
         if count <= self.parameters.leaf_size as usize || level == self.parameters.max_depth {
             return self.leaf(first, end);
         }
@@ -67,12 +87,33 @@ impl Builder<'_> {
                 *count += usize::from(octants >> octant & 1);
             }
         }
+        let held = if self.objects.is_empty() { counts } else { self.objects_by_octant(first) };
         // Where no child holds fewer than its parent, dividing further gains nothing.
-        let least_bytes = 4 * (8 + counts.iter().sum::<usize>() as u64);
-        if counts == [count; 8] || self.bytes() + least_bytes > bytes_max {
+        let least_bytes = 4 * (8 + held.iter().sum::<usize>() as u64);
+        if held == [count; 8] || self.bytes() + least_bytes > bytes_max {
             return self.leaf(first, end);
         }
-        self.branch(cell, level, first, counts, bytes_max)
+        self.branch(cell, level, first, counts, held, bytes_max)
+    }
+
+    /// How many objects `cells[first..end]` are of.
+    fn count(&self, first: usize, end: usize) -> usize {
+        if self.objects.is_empty() {
+            return end - first;
+        }
+        self.cells[first..end].chunk_by(|&a, &b| self.objects[a as usize] == self.objects[b as usize]).count()
+    }
+
+    /// How many objects each octant holds of `cells[first..]`, which reach into `octants`.
+    fn objects_by_octant(&self, first: usize) -> [usize; 8] {
+        let (mut counts, mut newest) = ([0; 8], [u32::MAX; 8]);
+        for (&id, &octants) in self.cells[first..].iter().zip(&self.octants) {
+            let object = self.objects[id as usize];
+            for octant in (0..8).filter(|octant| octants >> octant & 1 == 1) {
+                counts[octant] += usize::from(std::mem::replace(&mut newest[octant], object) != object);
+            }
+        }
+        counts
     }
 
     fn bytes(&self) -> u64 {
@@ -81,13 +122,29 @@ impl Builder<'_> {
 
     fn leaf(&mut self, first: usize, end: usize) -> OctreeWord {
         let at = self.octree.leaf_lists.len();
-        let entry = |i: usize| LeafEntry::new(PrimitiveId(self.cells[i]), i + 1 == end).0;
-        self.octree.leaf_lists.extend((first..end).map(entry));
+        if self.objects.is_empty() {
+            let entry = |i: usize| LeafEntry::new(PrimitiveId(self.cells[i]), i + 1 == end).0;
+            self.octree.leaf_lists.extend((first..end).map(entry));
+        } else {
+            let object = |i: usize| self.objects[self.cells[i] as usize];
+            // The last primitive of each object stands for it.
+            let objects = (first..end).filter(|&i| i + 1 == end || object(i) != object(i + 1));
+            let entry = |i: usize| LeafEntry::new(PrimitiveId(object(i)), i + 1 == end).0;
+            self.octree.leaf_lists.extend(objects.map(entry));
+        }
         OctreeWord::leaf(at as u32)
     }
 
-    /// `counts`: how many of the primitives, `cells[first..]`, each octant holds.
-    fn branch(&mut self, cell: Cell, level: u32, first: usize, counts: [usize; 8], bytes_max: u64) -> OctreeWord {
+    /// `counts`: how many of the primitives, `cells[first..]`, each octant holds; `held`: how many objects.
+    fn branch(
+        &mut self,
+        cell: Cell,
+        level: u32,
+        first: usize,
+        counts: [usize; 8],
+        held: [usize; 8],
+        bytes_max: u64,
+    ) -> OctreeWord {
         let block = self.octree.words.len() / 8;
         self.octree.words.extend([0; 8]);
         // The children's lists go onto the stack at once, since `octants` is reused further down.
@@ -107,13 +164,13 @@ impl Builder<'_> {
                 rest &= rest - 1;
             }
         }
-        // All children can be leaves. What is left over is shared by how many primitives they hold, and what
+        // All children can be leaves. What is left over is shared by how many objects they hold, and what
         // one leaves of its share goes to the next.
-        let references = |end: usize| (end - bottom) as u64;
+        let all = held.iter().sum::<usize>() as u64;
         let bytes = self.bytes();
-        let spare = (bytes_max - bytes - 4 * references(top)) as f64 / references(top) as f64;
+        let spare = (bytes_max - bytes - 4 * all) as f64 / all as f64;
         for octant in 0..8 {
-            let held = references(ends[octant]);
+            let held = held[..=octant].iter().sum::<usize>() as u64;
             let bytes_max = bytes + 4 * held + (spare * held as f64) as u64;
             let (from, to) = (ends[octant] - counts[octant], ends[octant]);
             self.octree.words[block * 8 + octant] = self.node(cell.child(octant), level + 1, from, to, bytes_max).0;

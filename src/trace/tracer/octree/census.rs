@@ -29,8 +29,8 @@ pub struct Census {
 
 impl Census {
     pub fn of(database: &Verified) -> Self {
-        let words: &[OctreeWord] = database.database().records(Section::OctreeNodes);
-        let entries: &[LeafEntry] = database.database().records(Section::LeafLists);
+        let words: &[OctreeWord] = database.unpadded().records(Section::OctreeNodes);
+        let entries: &[LeafEntry] = database.unpadded().records(Section::LeafLists);
         let mut levels = Vec::new();
         let mut rest = vec![(words[0], 0)];
         while let Some((word, level)) = rest.pop() {

@@ -8,10 +8,10 @@
 use super::descent::{Branch, Step};
 use super::mailbox::Mailbox;
 use super::prepared::Prepared;
-use crate::database::Header;
-use crate::database::primitives::{PrimitiveCounts, PrimitiveIndex};
+use crate::database::primitives::PrimitiveCounts;
 use crate::database::records::LEVELS;
 use crate::database::records::{OctreeNode, OctreeWord, PrimitiveId, Triangle};
+use crate::database::{Header, Section};
 use crate::tracer::hit::{Hit, HitOn};
 use crate::tracer::memory_port::MemoryPort;
 use crate::tracer::primitives::four_triangles::FourTriangles;
@@ -70,18 +70,26 @@ pub struct Hero {
     ids: [PrimitiveId; 4],
     max_depth: u32,
     counts: PrimitiveCounts,
+    /// Objects below this are triangles: none of them where polygons are objects.
+    triangle_objects: u32,
+    /// Objects below this are polygons, where they are.
+    polygon_objects: u32,
 }
 
 impl Hero {
     /// For a database with this header.
     pub fn new(header: &Header, mailbox: bool) -> Self {
+        let counts = PrimitiveCounts::of(&header.layout);
+        let has_polygons = header.layout.has_polygons();
         Self {
             stack: Box::new([Branch::default(); LEVELS]),
             mailbox: mailbox.then(Mailbox::new),
             four: Box::default(),
             ids: [PrimitiveId(0); 4],
             max_depth: header.max_depth.min(LEVELS as u32 - 1),
-            counts: PrimitiveCounts::of(&header.layout),
+            counts,
+            triangle_objects: if has_polygons { 0 } else { counts.triangles },
+            polygon_objects: header.layout.span(Section::Polygons).records as u32,
         }
     }
 
@@ -180,18 +188,18 @@ impl Hero {
             let mut count = 0;
             let last = loop {
                 let entry = port.leaf_entry(index)?;
-                let primitive = entry.primitive();
+                let object = entry.primitive();
                 index += 1;
-                if self.mailbox.as_mut().is_some_and(|m| m.seen(primitive)) {
+                if self.mailbox.as_mut().is_some_and(|m| m.seen(object)) {
                     stats.mailbox_skips += 1;
                 } else {
                     stats.primitive_tests += 1;
-                    if let Some(PrimitiveIndex::Triangle(triangle)) = self.counts.locate(primitive) {
-                        self.four.put(count, &port.triangle(triangle)?);
-                        self.ids[count & 3] = primitive;
+                    if object.0 < self.triangle_objects {
+                        self.four.put(count, &port.triangle(object.0)?);
+                        self.ids[count & 3] = object;
                         count += 1;
                     } else {
-                        self.test_curved(port, prepared.ray, primitive, best)?;
+                        self.test_other::<M, ANY>(port, prepared, object, best, stats)?;
                         if ANY && best.is_hit() {
                             return Ok(());
                         }
@@ -205,7 +213,7 @@ impl Hero {
             while candidates != 0 {
                 let lane = candidates.trailing_zeros() as usize;
                 candidates &= candidates - 1;
-                self.test_triangle(prepared, lane, best);
+                test_triangle(prepared, &self.four, lane, self.ids[lane & 3], best);
             }
             if last || (ANY && best.is_hit()) {
                 return Ok(());
@@ -213,22 +221,25 @@ impl Hero {
         }
     }
 
-    #[inline(always)]
-    fn test_triangle(&self, prepared: &Prepared<'_>, lane: usize, best: &mut Best) {
-        let triangle = self.four.get(lane);
-        if let Some(hit) = prepared.shear.hit(prepared.ray, &triangle) {
-            best.offer(hit.t, self.ids[lane & 3], || On::Triangle(triangle, hit));
-        }
-    }
-
+    /// Tests a sphere, a cone, or a polygon as a whole.
     #[inline(never)]
-    fn test_curved<M: MemoryPort>(
+    fn test_other<M: MemoryPort, const ANY: bool>(
         &self,
         port: &mut M,
-        ray: &Ray,
-        primitive: PrimitiveId,
+        prepared: &Prepared<'_>,
+        object: PrimitiveId,
         best: &mut Best,
+        stats: &mut TraceStats,
     ) -> Result<(), M::Error> {
+        if object.0 < self.polygon_objects {
+            return test_polygon::<M, ANY>(port, prepared, object.0, best, stats);
+        }
+        // Its number as a primitive: there are triangles before it, not polygons.
+        let primitive = PrimitiveId(match self.polygon_objects {
+            0 => object.0,
+            polygons => (object.0 - polygons).saturating_add(self.counts.triangles),
+        });
+        let ray = prepared.ray;
         let Some(index) = self.counts.locate(primitive) else {
             return Err(port.corrupt("a primitive in a leaf that does not exist"));
         };
@@ -236,6 +247,46 @@ impl Hero {
             best.offer(t, primitive, || On::Curved(on));
         }
         Ok(())
+    }
+}
+
+/// The polygon's record, then its triangles, four at a time: what is hit is the triangle. Whether anything is hit is known
+/// after any four.
+#[inline(never)]
+fn test_polygon<M: MemoryPort, const ANY: bool>(
+    port: &mut M,
+    prepared: &Prepared<'_>,
+    index: u32,
+    best: &mut Best,
+    stats: &mut TraceStats,
+) -> Result<(), M::Error> {
+    let mut triangles = port.polygon(index)?.triangles();
+    let mut four = FourTriangles::default();
+    while !triangles.is_empty() {
+        let (first, mut count) = (triangles.start, 0);
+        for id in triangles.by_ref().take(4) {
+            stats.polygon_triangles += 1;
+            four.put(count, &port.triangle(id)?);
+            count += 1;
+        }
+        let mut candidates = prepared.shear.candidates(&four) & ((1 << count) - 1);
+        while candidates != 0 {
+            let lane = candidates.trailing_zeros();
+            candidates &= candidates - 1;
+            test_triangle(prepared, &four, lane as usize, PrimitiveId(first + lane), best);
+        }
+        if ANY && best.is_hit() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn test_triangle(prepared: &Prepared<'_>, four: &FourTriangles, lane: usize, id: PrimitiveId, best: &mut Best) {
+    let triangle = four.get(lane);
+    if let Some(hit) = prepared.shear.hit(prepared.ray, &triangle) {
+        best.offer(hit.t, id, || On::Triangle(triangle, hit));
     }
 }
 
@@ -248,8 +299,9 @@ mod tests {
     use super::*;
     use crate::database::primitives::Primitives;
     use crate::database::verify::Verified;
+    use crate::database::{Numbers, Objects, RecordLayout};
     use crate::scene::{Cone, Material, Polygon, Scene, Sphere};
-    use crate::tracer::octree::{BuildParameters, build_database};
+    use crate::tracer::octree::{BuildParameters, build_database, build_database_as};
     use crate::tracer::primitives::triangle::Shear;
     use crate::tracer::primitives::{cone, sphere};
     use crate::tracer::ray::Source;
@@ -325,9 +377,26 @@ mod tests {
         }
     }
 
+    /// The soup, in which triangles that follow one another are cut from polygons of four to seven corners.
+    fn polygon_soup(random: &mut Pcg32, count: usize) -> Scene {
+        let mut scene = soup(random, count);
+        for i in 0..count / 4 {
+            let (at, u, v) = (vector(random), vector(random) * 0.4, vector(random) * 0.4);
+            let corners = 4 + i as u32 % 4;
+            scene.polygons[i].first_vertex = scene.vertices.len() as u32;
+            scene.polygons[i].vertex_count = corners;
+            scene.vertices.extend((0..corners).map(|k| {
+                let angle = f64::from(k) * std::f64::consts::TAU / f64::from(corners);
+                let radius = if k % 2 == 0 { 1.0 } else { 0.3 };
+                at + (u * angle.cos() + v * angle.sin()) * radius
+            }));
+        }
+        scene
+    }
+
     /// Minimum of (t, id) over all primitives.
     fn brute_force(database: &Verified, ray: &Ray) -> Option<(f32, u32)> {
-        let Primitives { triangles, spheres, cones } = Primitives::of(database.database());
+        let Primitives { triangles, spheres, cones } = Primitives::of(database);
         let shear = Shear::new(ray);
         let ts = triangles
             .iter()
@@ -343,12 +412,25 @@ mod tests {
     fn nearest_hit_is_the_brute_force_minimum_for_any_octree() {
         let mut random = Pcg32::seed_from_u64(1);
         let scene = soup(&mut random, 300);
-        let rays: Vec<Ray> = (0..4000).map(|i| ray(&mut random, i)).collect();
+        assert_brute_force(&mut random, &scene, RecordLayout::DEFAULT);
+    }
+
+    #[test]
+    fn nearest_hit_is_the_brute_force_minimum_where_polygons_are_objects() {
+        let mut random = Pcg32::seed_from_u64(3);
+        let scene = polygon_soup(&mut random, 300);
+        let layout = RecordLayout::new(Objects::Polygons, Numbers::F64, Some(60)).expect("possible");
+        assert_brute_force(&mut random, &scene, layout);
+    }
+
+    fn assert_brute_force(random: &mut Pcg32, scene: &Scene, layout: RecordLayout) {
+        let rays: Vec<Ray> = (0..4000).map(|i| ray(random, i)).collect();
         let mut hits = 0;
         for (leaf_size, max_depth, mailbox) in
             [(1, 0, true), (1, 6, true), (4, 9, false), (12, 10, true), (3, 12, true)]
         {
-            let database = build_database(&scene, BuildParameters { leaf_size, max_depth }).expect("builds");
+            let parameters = BuildParameters { leaf_size, max_depth };
+            let database = build_database_as(scene, parameters, layout).expect("builds");
             let mut port = Slices::new(&database);
             let mut hero = Hero::new(&database.database().header, mailbox);
             let mut stats = TraceStats::default();

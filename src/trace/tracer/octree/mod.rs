@@ -7,11 +7,14 @@ pub mod hero;
 pub mod mailbox;
 mod octants;
 pub mod overlap;
+#[cfg(test)]
+mod polygon_tests;
 mod prepared;
 
 use serde::{Deserialize, Serialize};
 
-use crate::database::compile::{CompileError, Records, compile};
+use crate::database::RecordLayout;
+use crate::database::compile::{CompileError, Records, compile_as};
 use crate::database::records::MAX_DEPTH;
 use crate::database::verify::{Corrupt, Verified};
 use crate::scene::Scene;
@@ -80,8 +83,20 @@ pub enum BuildError {
 /// # Errors
 /// The parameters are out of their ranges, or the scene is larger than a database can address.
 pub fn build_database(scene: &Scene, parameters: BuildParameters) -> Result<Verified, BuildError> {
+    build_database_as(scene, parameters, RecordLayout::DEFAULT)
+}
+
+/// [`build_database`], its records laid out like this.
+///
+/// # Errors
+/// As [`build_database`]'s.
+pub fn build_database_as(
+    scene: &Scene,
+    parameters: BuildParameters,
+    layout: RecordLayout,
+) -> Result<Verified, BuildError> {
     parameters.check()?;
-    complete(compile(scene)?, parameters)
+    complete(compile_as(scene, layout)?, parameters)
 }
 
 /// [`build_database`] from the records on, which need the scene no more.
