@@ -87,12 +87,8 @@ impl ReferenceWord {
         if self.is_read() {
             return Some(Event::Read(self.0));
         }
-        if let Some(kind) = self.0.checked_sub(Self::MARK) {
-            if let Some(&kind) = RayKind::ALL.get(kind as usize) {
-                return Some(Event::Ray(kind));
-            }
-        }
-        self.decode_imported()
+        let kind = self.0.checked_sub(Self::MARK).and_then(|kind| RayKind::ALL.get(kind as usize));
+        kind.map_or_else(|| self.decode_imported(), |&kind| Some(Event::Ray(kind)))
     }
 
     /// What recordings have not.

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Write};
 
 use super::access::{Access, AccessKind, ObjectId};
-use super::imported::{Contents, Imported, Notes};
+use super::imported::{Contents, Imported, Notes, Objects};
 use super::table_lines::{Extent, LINES_MAX};
 use crate::hardware::references::{PART_WORDS, ReferenceWord};
 
@@ -27,8 +27,18 @@ pub(super) struct Builder {
 
 /// What was referenced, each different one a record, numbered in the order in which they first appear.
 enum Records {
-    Bytes { numbers: HashMap<Extent, u32>, extents: Vec<Extent> },
-    Objects { numbers: HashMap<u64, u32>, texts: HashMap<Box<[u8]>, u32>, ids: Vec<u64>, bytes: Vec<u64> },
+    Bytes {
+        numbers: HashMap<Extent, u32>,
+        extents: Vec<Extent>,
+    },
+    Objects {
+        /// The object of an id.
+        numbers: HashMap<u64, u32>,
+        texts: HashMap<Box<[u8]>, u32>,
+        /// The record of an object with another size than its first.
+        resized: HashMap<(u32, u64), u32>,
+        objects: Objects,
+    },
 }
 
 impl Builder {
@@ -42,8 +52,8 @@ impl Builder {
         Self::new(Records::Objects {
             numbers: HashMap::new(),
             texts: HashMap::new(),
-            ids: Vec::new(),
-            bytes: Vec::new(),
+            resized: HashMap::new(),
+            objects: Objects::default(),
         })
     }
 
@@ -76,13 +86,13 @@ impl Builder {
         self.reference(kind, record)
     }
 
-    /// Appends a reference to an object of so many bytes. One without a size is left out, as libCacheSim leaves it out. An
-    /// object has the size that it is first referenced with, as when libCacheSim counts a trace's working set.
+    /// Appends a reference to an object of so many bytes. One without a size is left out, as libCacheSim leaves it out. A record
+    /// is an object with a size.
     ///
     /// # Errors
     /// What is wrong with it, and what was expected.
     pub(super) fn object(&mut self, kind: AccessKind, id: ObjectId<'_>, bytes: u64) -> Result<(), String> {
-        let Records::Objects { numbers, texts, ids, bytes: sizes } = &mut self.records else {
+        let Records::Objects { numbers, texts, resized, objects } = &mut self.records else {
             return Err(MIXED.to_owned());
         };
         if bytes == 0 {
@@ -94,24 +104,37 @@ impl Builder {
             ObjectId::Text(text) => texts.get(text),
         };
         let record = match known {
-            Some(&record) => record,
             None => {
-                let record = next_number(ids.len())?;
+                let (object, record) = (objects.ids.len() as u32, next_number(objects.bytes.len())?);
                 match id {
                     ObjectId::Number(number) => {
-                        ids.push(number);
-                        numbers.insert(number, record);
+                        objects.ids.push(number);
+                        numbers.insert(number, object);
                     }
                     ObjectId::Text(text) => {
-                        ids.push(u64::from(record));
-                        texts.insert(text.into(), record);
+                        objects.ids.push(u64::from(object));
+                        texts.insert(text.into(), object);
                     }
                 }
-                sizes.push(bytes);
+                objects.first.push(record);
+                objects.record(object, bytes);
                 record
             }
+            Some(&object) if objects.bytes[objects.first[object as usize] as usize] == bytes => {
+                objects.first[object as usize]
+            }
+            Some(&object) => {
+                self.notes.resized += 1;
+                match resized.entry((object, bytes)) {
+                    Entry::Occupied(known) => *known.get(),
+                    Entry::Vacant(new) => {
+                        let record = next_number(objects.bytes.len())?;
+                        objects.record(object, bytes);
+                        *new.insert(record)
+                    }
+                }
+            }
         };
-        self.notes.resized += u64::from(sizes[record as usize] != bytes);
         self.reference(kind, record)
     }
 
@@ -169,7 +192,7 @@ impl Builder {
         self.keep_part()?;
         let contents = match self.records {
             Records::Bytes { extents, .. } => Contents::Bytes(extents),
-            Records::Objects { ids, bytes, .. } => Contents::Objects { ids, bytes },
+            Records::Objects { objects, .. } => Contents::Objects(objects),
         };
         Imported::new(self.words, self.word_count, contents, self.notes, line_bytes)
     }

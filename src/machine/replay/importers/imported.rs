@@ -11,8 +11,8 @@ use crate::hardware::references::PART_WORDS;
 use crate::replay::{Lines, Trace, TraceError, TracedTile};
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 
-/// References of one node in one tile. What was referenced, each different pair of address and size, or each object, is a
-/// record; these are numbered in the order in which they first appear.
+/// References of one node in one tile. What was referenced, each different pair of address and size, or of object and size, is a
+/// record; records and objects are numbered in the order in which they first appear.
 #[derive(Debug)]
 pub struct Imported {
     /// The one tile.
@@ -36,7 +36,26 @@ pub struct Imported {
 #[derive(Debug)]
 pub(super) enum Contents {
     Bytes(Vec<Extent>),
-    Objects { ids: Vec<u64>, bytes: Vec<u64> },
+    Objects(Objects),
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Objects {
+    /// By object: its number, which decides its set.
+    pub(super) ids: Vec<u64>,
+    /// By object: the record of its first size.
+    pub(super) first: Vec<u32>,
+    /// By record.
+    pub(super) objects: Vec<u32>,
+    pub(super) bytes: Vec<u64>,
+}
+
+impl Objects {
+    /// Appends a record.
+    pub(super) fn record(&mut self, object: u32, bytes: u64) {
+        self.objects.push(object);
+        self.bytes.push(bytes);
+    }
 }
 
 /// What was counted as a trace was read.
@@ -77,7 +96,7 @@ impl Imported {
         };
         let record_words: Vec<u32> = match &contents {
             Contents::Bytes(extents) => extents.iter().map(|extent| extent.words()).collect(),
-            Contents::Objects { ids, .. } => vec![1; ids.len()],
+            Contents::Objects(objects) => vec![1; objects.bytes.len()],
         };
         let mut sizes = record_words.clone();
         sizes.sort_unstable();
@@ -121,30 +140,51 @@ impl Imported {
     pub fn extent(&self, record: u32) -> (u64, u32) {
         match &self.contents {
             Contents::Bytes(extents) => (extents[record as usize].address(), extents[record as usize].bytes()),
-            Contents::Objects { .. } => (0, 1),
+            Contents::Objects(_) => (0, 1),
         }
     }
 
     pub fn is_of_objects(&self) -> bool {
-        matches!(self.contents, Contents::Objects { .. })
+        matches!(self.contents, Contents::Objects(_))
     }
 
-    /// Of an object, as it was first referenced; of a trace of bytes, those of the record.
+    /// The object of a record; in a trace of bytes each record is one.
+    ///
+    /// # Panics
+    /// There is no such record.
+    pub fn object(&self, record: u32) -> u32 {
+        match &self.contents {
+            Contents::Bytes(_) => record,
+            Contents::Objects(objects) => objects.objects[record as usize],
+        }
+    }
+
+    /// How many different objects there are.
+    pub fn objects(&self) -> u32 {
+        match &self.contents {
+            Contents::Bytes(extents) => extents.len() as u32,
+            Contents::Objects(objects) => objects.ids.len() as u32,
+        }
+    }
+
+    /// The size that an object has where this record is referenced.
     ///
     /// # Panics
     /// There is no such record.
     pub fn object_bytes(&self, record: u32) -> u64 {
         match &self.contents {
             Contents::Bytes(extents) => u64::from(extents[record as usize].bytes()),
-            Contents::Objects { bytes, .. } => bytes[record as usize],
+            Contents::Objects(objects) => objects.bytes[record as usize],
         }
     }
 
-    /// Of all different objects together; `None` for a trace of bytes, whose footprint depends on its lines.
+    /// Of all different objects together, each with its first size, as libCacheSim counts a working set; `None` for a trace of bytes, whose footprint depends on its lines.
     pub fn objects_bytes(&self) -> Option<u128> {
         match &self.contents {
             Contents::Bytes(_) => None,
-            Contents::Objects { bytes, .. } => Some(bytes.iter().map(|&bytes| u128::from(bytes)).sum()),
+            Contents::Objects(Objects { first, bytes, .. }) => {
+                Some(first.iter().map(|&record| u128::from(bytes[record as usize])).sum())
+            }
         }
     }
 
@@ -159,7 +199,7 @@ impl Imported {
         &self.sizes
     }
 
-    /// How many different pairs of address and size there are, or objects.
+    /// How many different pairs of address and size there are, or of object and size.
     pub fn records(&self) -> u32 {
         self.kinds.len() as u32
     }
@@ -170,14 +210,14 @@ impl Contents {
     fn table_of(&self, line_bytes: u32) -> u32 {
         match self {
             Self::Bytes(_) => line_bytes,
-            Self::Objects { .. } => 0,
+            Self::Objects(_) => 0,
         }
     }
 
     fn lines(&self, line_bytes: u32) -> Result<TableLines, String> {
         match self {
             Self::Bytes(extents) => TableLines::of_extents(extents, line_bytes),
-            Self::Objects { ids, .. } => Ok(TableLines::of_objects(ids.clone())),
+            Self::Objects(Objects { ids, objects, .. }) => Ok(TableLines::of_objects(ids.clone(), objects)),
         }
     }
 }

@@ -52,7 +52,7 @@ impl<'a> Input<'a> {
 }
 
 /// The first bytes, as many as there are, and all of it.
-fn begin<R: BufRead>(mut input: R, bytes: usize) -> io::Result<(Vec<u8>, io::Chain<Cursor<Vec<u8>>, R>)> {
+fn begin<R: BufRead>(mut input: R, bytes: usize) -> io::Result<(Vec<u8>, impl BufRead + use<R>)> {
     let mut prefix = Vec::new();
     input.by_ref().take(bytes as u64).read_to_end(&mut prefix)?;
     Ok((prefix.clone(), Cursor::new(prefix).chain(input)))

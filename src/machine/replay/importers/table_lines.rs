@@ -139,10 +139,11 @@ impl TableLines {
         Ok(Self { records, numbers: Numbers::Runs { runs: runs.into(), blocks: blocks.into() }, count: count as u32 })
     }
 
-    /// Objects, at most [`LINES_MAX`], with these numbers.
-    pub(super) fn of_objects(numbers: Vec<u64>) -> Self {
+    /// Objects, at most [`LINES_MAX`], with these numbers; by record, its object.
+    pub(super) fn of_objects(numbers: Vec<u64>, records: &[u32]) -> Self {
         let count = numbers.len() as u32;
-        Self { records: (0..count).map(|i| (i, 1)).collect(), numbers: Numbers::Objects(numbers.into()), count }
+        let records = records.iter().map(|&object| (object, 1)).collect();
+        Self { records, numbers: Numbers::Objects(numbers.into()), count }
     }
 
     /// The number that a line has among all lines of the address space.

@@ -12,5 +12,6 @@ pub mod objects;
 pub mod optimal;
 pub mod recount;
 pub mod replayer;
+mod requests;
 pub mod stack_distance;
 pub mod writes;

@@ -80,7 +80,7 @@ impl From<WriteCounts> for WriteColumns {
 /// Counts what a memory with this policy makes of a trace.
 ///
 /// # Errors
-/// The trace's; a memory of more slots than can be simulated.
+/// The trace's; a memory of more slots than can be simulated; SIEVE or S3-FIFO, and a trace with invalidations.
 ///
 /// # Panics
 /// `geometry` is that of other lines.
@@ -90,6 +90,11 @@ pub fn count_writes(
     replacement: specification::Replacement,
     writing: Writing,
 ) -> Result<(Counters, WriteCounts), TraceError> {
+    // Their queues have each slot once, and no place for one that is emptied.
+    let has_queues = matches!(replacement, specification::Replacement::Sieve | specification::Replacement::S3Fifo);
+    if has_queues && trace.notes().invalidations > 0 {
+        return Err(TraceError(format!("{replacement} and a trace with invalidations: expected another policy")));
+    }
     if replacement == specification::Replacement::Fifo {
         // First in, first out is least recently used without uses, also where lines are invalidated.
         return Memory::<Lru>::new(trace, geometry, writing, false)?.replay(trace);
@@ -389,6 +394,19 @@ mod tests {
                 bytes_written_through: 0,
             };
             assert_eq!((counts, counters.line_misses), (expected, 4), "{replacement:?}");
+        }
+    }
+
+    #[test]
+    fn what_has_queues_knows_no_invalidations() {
+        use crate::hardware::specification::Replacement::{S3Fifo, Sieve};
+        let invalidated = trace("r 0 4\nv 0 4\nr 0 4\n");
+        let written = trace("w 0 4\nr 10 4\nr 20 4\nr 0 4\n");
+        for replacement in [Sieve, S3Fifo] {
+            let count = |trace| count_writes(trace, geometry(trace, (16, 1, 2)), replacement, Writing::default());
+            let error = count(&invalidated).expect_err("no place").to_string();
+            assert!(error.ends_with("and a trace with invalidations: expected another policy"), "{error}");
+            assert_eq!(count(&written).expect("few").1.write_accesses, 1);
         }
     }
 

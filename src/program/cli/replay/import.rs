@@ -128,7 +128,7 @@ impl ImportArguments {
         let Notes { left_out, resized, unknown_operations, .. } = imported.notes();
         for (count, what) in [
             (left_out, "references to nothing, of size 0, are left out"),
-            (resized, "references are to objects of another size than at first; the first counts"),
+            (resized, "references are to objects of another size than at first"),
             (unknown_operations, "references with an operation that is not known count as reads"),
         ] {
             if count > 0 {

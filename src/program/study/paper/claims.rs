@@ -163,6 +163,7 @@ fn steps(traced: &Traced<Kept>, database: &Verified) -> Result<(u64, u64), Trace
             for event in words.iter().filter_map(|&word| ReferenceWord(word).decode()) {
                 match event {
                     Event::Ray(_) => before = None,
+                    // What tracers never do.
                     Event::Write(_)
                     | Event::CopyBack(_)
                     | Event::Invalidate(_)

@@ -5,6 +5,7 @@ use crate::hardware::references::ReferenceWord;
 use crate::replay::importers::ImportFormat::{self, Champsim, Din, Ids, Json, Lackey, OracleGeneral, Ramulator, Vscsi};
 use crate::replay::importers::builder::Builder;
 use crate::replay::importers::{Imported, Notes};
+use crate::replay::model::objects::{Request, Requests};
 use crate::replay::{Lines, Trace};
 
 /// The lines of 64 bytes that are read or written, by record, in order.
@@ -45,15 +46,24 @@ fn object(time: u32, id: u64, size: u32, next: i64) -> Vec<u8> {
 }
 
 #[test]
-fn objects_have_their_first_size_and_are_left_out_without_one() {
+fn objects_keep_their_sizes_and_are_left_out_without_one() {
     let bytes =
         [object(9, 1 << 60, 100, 4), object(9, 3, 0, -1), object(9, 5, 7, -1), object(9, 1 << 60, 8, -1)].concat();
     for name in ["x.oracleGeneral", "x.oracleGeneral.bin", "sample.ORACLEGENERAL.bin.zst"] {
         let imported = recognised(name, &bytes).expect("a trace");
         assert_eq!(imported.notes(), Notes { references: 3, left_out: 1, resized: 1, ..Notes::default() });
         assert!(imported.is_of_objects());
-        assert_eq!([0, 1].map(|record| imported.object_bytes(record)), [100, 7]);
-        assert_eq!((imported.records(), imported.objects_bytes()), (2, Some(107)));
+        assert_eq!([0, 1, 2].map(|record| imported.object_bytes(record)), [100, 7, 8]);
+        assert_eq!([0, 1, 2].map(|record| imported.object(record)), [0, 1, 0]);
+        assert_eq!((imported.records(), imported.objects(), imported.objects_bytes()), (3, 2, Some(107)));
+        let mut requests = Vec::new();
+        let kept = imported.for_each_piece(&mut |piece| {
+            requests.extend_from_slice(piece);
+            Ok(())
+        });
+        kept.expect("a sound trace");
+        let request = |object, bytes| Request { object, bytes };
+        assert_eq!(requests, [request(0, 100), request(1, 7), request(0, 8)]);
         let expected = (1u64 << 60).rem_euclid(7) as u32;
         assert_eq!(sets_of(&imported, &imported.lines(64)), [expected, 5, expected]);
     }

@@ -9,7 +9,6 @@
 
 mod clock;
 mod fifo;
-mod imported;
 mod lru;
 mod optimal;
 mod random;
