@@ -12,7 +12,9 @@ use std::time::Duration;
 
 use ground::processor_time;
 use machine::hardware::local_memory::Geometry;
-use machine::hardware::replacement::Lru;
+use machine::hardware::replacement::{
+    Clock, Clock0, Fifo, Lru, Plru, Random, Replacement as Policy, S3Fifo, Sieve, Srrip,
+};
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
 use machine::replay::model::curve::curve;
 use machine::replay::model::optimal::optimal;
@@ -46,11 +48,27 @@ fn main() {
         Measured::new("Belady's optimum, one size"),
         Measured::new("Belady's optimum, four sizes"),
     ];
+    let tree = Geometry { ways: 1 << size.ilog2(), ..geometry };
+    let policies: [(_, Count, _); 8] = [
+        ("one FIFO setting", count::<Fifo>, geometry),
+        ("one clock setting", count::<Clock>, geometry),
+        ("one clock:0 setting", count::<Clock0>, geometry),
+        ("one random setting", count::<Random>, geometry),
+        ("one SRRIP setting", count::<Srrip>, geometry),
+        ("one SIEVE setting", count::<Sieve>, geometry),
+        ("one S3-FIFO setting", count::<S3Fifo>, geometry),
+        ("one tree pseudo-LRU setting", count::<Plru>, tree),
+    ];
+    let mut by_policy = policies.map(|(name, ..)| Measured::new(name));
     for _ in 0..turns {
+        for ((_, count, geometry), measured) in policies.iter().zip(&mut by_policy) {
+            let counters = measured.turn(|| count(&trace, &tiles, &lines, *geometry));
+            assert!(counters.line_misses > 0);
+        }
         let [decoding, counting, all_sizes, one_optimum, four_optima] = &mut measured;
         let sum = decoding.turn(|| decode(&trace, &lines));
         assert!(sum > 0);
-        counted = counting.turn(|| count(&trace, &tiles, &lines, geometry));
+        counted = counting.turn(|| count::<Lru>(&trace, &tiles, &lines, geometry));
         let curve = all_sizes.turn(|| curve(&trace, &tiles, &lines).expect("sound"));
         assert_eq!(curve.at(size), counted, "the curve and one setting");
         points = curve.points().len();
@@ -66,7 +84,7 @@ fn main() {
         lines.count()
     );
     println!("{} lines missed, at best {optimum}; the curve has {points} points", counted.line_misses);
-    for measured in &measured {
+    for measured in measured.iter().chain(&by_policy) {
         let seconds = measured.median().as_secs_f64();
         let rate = counted.record_accesses as f64 / seconds / 1e6;
         println!("    {:<30}{rate:8.1} M record references/s {seconds:10.4} s", measured.name);
@@ -103,9 +121,11 @@ fn decode(trace: &Captured, lines: &RecordLines) -> u64 {
     sum
 }
 
-fn count(trace: &Captured, tiles: &[u32], lines: &RecordLines, geometry: Geometry) -> Counters {
+type Count = fn(&Captured, &[u32], &RecordLines, Geometry) -> Counters;
+
+fn count<R: Policy>(trace: &Captured, tiles: &[u32], lines: &RecordLines, geometry: Geometry) -> Counters {
     let (mut memory, mut sum) =
-        (Replayer::<Lru, _>::new(lines, geometry, 1).expect("a possible memory"), Sum::new(trace));
+        (Replayer::<R, _>::new(lines, geometry, 1).expect("a possible memory"), Sum::new(trace));
     for &tile in tiles {
         memory.tile(trace, tile, &mut sum).expect("sound");
     }

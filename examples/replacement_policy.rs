@@ -44,7 +44,7 @@ impl Replacement for OneBit {
         (first..first + self.ways).find(|slot| !self.used[*slot as usize]).unwrap_or(first)
     }
 
-    fn fill(&mut self, slot: u32) {
+    fn fill(&mut self, slot: u32, _line: u32) {
         self.touch(slot);
     }
 }

@@ -8,18 +8,15 @@ use std::process::Command;
 use cluster::topology::recorded::open_references;
 use ground::ids::ClusterId;
 use machine::hardware::local_memory::Geometry;
-use machine::hardware::replacement::{Clock, Fifo, Lru, Replacement};
 use machine::hardware::specification::Transactions;
 use machine::recording::references::Recording;
 use machine::replay::contention::timing::simulate_cluster;
 use machine::replay::exporters::accesses::Surroundings;
 use machine::replay::exporters::chrome::ChromeTrace;
 use machine::replay::exporters::vcd::BusWaves;
-use machine::replay::exporters::{ExportError, csv, din, json, oracle_general};
-use machine::replay::model::optimal::optimal;
-use machine::replay::model::replayer::{Replayer, Sum};
+use machine::replay::exporters::{ExportError, csv, din, json};
 use machine::replay::plan::setting::Setting;
-use machine::replay::{Lines, RecordLines, Trace};
+use machine::replay::{RecordLines, Trace};
 use serde_json::Value;
 
 use crate::command::{TEAPOT, marti, python_with, stderr};
@@ -27,7 +24,7 @@ use crate::command::{TEAPOT, marti, python_with, stderr};
 const LINE_BYTES: u32 = 64;
 
 /// A recorded run of so many nodes in the folder: its references, and all tiles in their order.
-fn recorded(folder: &Path, nodes: u16) -> (Recording, Vec<u32>) {
+pub(crate) fn recorded(folder: &Path, nodes: u16) -> (Recording, Vec<u32>) {
     let nodes = format!("cluster.nodes={nodes}");
     let mut command = marti();
     command.args(["run", TEAPOT, "--quiet", "--record", "references", "--set", &nodes, "--out"]).arg(folder);
@@ -51,7 +48,7 @@ fn exported(
     (path, count)
 }
 
-fn python(script: &str, arguments: &[&str]) -> Value {
+pub(crate) fn python(script: &str, arguments: &[&str]) -> Value {
     let output = Command::new("python3").args(["-c", script]).args(arguments).output().expect("python3 can be started");
     assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_slice(&output.stdout).expect("the script prints JSON")
@@ -105,74 +102,6 @@ fn duckdb_and_pyarrow_read_rows_and_objects() {
         .map(|(name, count)| if name == "octree_nodes" { 0 } else { count.as_u64().expect("a count") })
         .sum();
     assert_eq!(expected[2]["none"], other);
-}
-
-/// Misses of each policy at each size: whole references, not shares.
-const LIBCACHESIM: &str = r#"
-import sys, json, libcachesim as l
-path, line, sizes = sys.argv[1], int(sys.argv[2]), [int(size) for size in sys.argv[3:]]
-def requests():
-    return l.TraceReader(path, l.TraceType.ORACLE_GENERAL_TRACE, l.ReaderInitParam())
-policies = {
-    "lru": lambda size: l.LRU(size),
-    "fifo": lambda size: l.FIFO(size),
-    # A line is referenced when it is filled, too; by default it is not.
-    "clock": lambda size: l.Clock(size, init_freq=1, n_bit_counter=1),
-    "optimal": lambda size: l.Belady(size),
-}
-count = requests().get_num_of_req()
-misses = {name: [sum(not cache.get(request) for cache in [policy(size * line)] for request in requests()) for size in sizes]
-          for name, policy in policies.items()}
-first = [[r.clock_time, r.obj_id, r.obj_size, r.next_access_vtime] for r, _ in zip(requests(), range(5))]
-print(json.dumps({"references": count, "misses": misses, "first": first}))
-"#;
-
-fn misses<R: Replacement>(
-    recording: &Recording,
-    tiles: &[u32],
-    lines: &RecordLines,
-    geometries: &[Geometry],
-) -> Vec<u64> {
-    let count = |&geometry: &Geometry| {
-        let mut replayer = Replayer::<R, _>::new(lines, geometry, 0).expect("few slots");
-        let mut sum = Sum::new(recording);
-        tiles.iter().for_each(|&tile| replayer.tile(recording, tile, &mut sum).expect("a sound recording"));
-        sum.finish().line_misses
-    };
-    geometries.iter().map(count).collect()
-}
-
-#[test]
-fn libcachesim_counts_the_same_misses() {
-    if !python_with("libcachesim", "libcachesim_counts_the_same_misses") {
-        return;
-    }
-    let out = tempfile::tempdir().expect("temporary folder");
-    let (recording, tiles) = recorded(out.path(), 1);
-    let lines = RecordLines::new(&recording.layout, LINE_BYTES);
-    let (path, count) =
-        exported(out.path(), "x.bin", |file| oracle_general::write(file, &recording, &tiles, &lines, LINE_BYTES));
-    let sizes = [64, 32, 16, 8, 4].map(|share| (lines.count() / share).max(16));
-    let geometries = sizes.map(|ways| Geometry {
-        line_bytes: LINE_BYTES,
-        database_lines: lines.count(),
-        sets: 1,
-        ways: u64::from(ways),
-    });
-
-    let mut arguments = vec![path.to_string_lossy().into_owned(), LINE_BYTES.to_string()];
-    arguments.extend(sizes.iter().map(u32::to_string));
-    let counted = python(LIBCACHESIM, &arguments.iter().map(String::as_str).collect::<Vec<_>>());
-    assert_eq!(counted["references"], count);
-    let optimum = optimal(&recording, &tiles, &lines, &geometries).expect("a sound recording");
-    let expected = serde_json::json!({
-        "lru": misses::<Lru>(&recording, &tiles, &lines, &geometries),
-        "fifo": misses::<Fifo>(&recording, &tiles, &lines, &geometries),
-        "clock": misses::<Clock>(&recording, &tiles, &lines, &geometries),
-        "optimal": optimum.iter().map(|totals| totals.line_misses).collect::<Vec<_>>(),
-    });
-    eprintln!("{count} line references, memories of {sizes:?} lines: {expected}");
-    assert_eq!(counted["misses"], expected);
 }
 
 #[test]

@@ -12,6 +12,8 @@ mod faults;
 mod floating_point;
 mod frames;
 mod hosts;
+mod imports;
+mod libcachesim;
 mod limits;
 mod output;
 mod play;

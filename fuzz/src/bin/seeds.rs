@@ -60,16 +60,41 @@ impl Seeds<'_> {
             "run t.toml --out o --set cluster.nodes=9 --aov depth,normal --verify --chaos random(3) --listen 1.2.3.4:5",
             "render teapot:12 -o a.png --size 640x480 --threads 2 --depth 0 --cutoff 0.01 --mailbox off --simd avx2",
             "replay o --local-memory 1/32..1/4,all --line 16..256 --ways 1..8,full --replacement lru,optimal --nodes 1..64x2",
-            "replay o --clusters 1,2 --tile-order morton --bus-width 1..64 --arbiter fifo,round_robin:4 --format csv",
+            "replay o --replacement clock:0,s3-fifo,optimal --clusters 1,2 --tile-order morton --bus-width 1..64 --arbiter fifo,round_robin:4 --format csv",
             "study sweep t.toml --set a.b=1 --local-memory 1/32..1/4 --nodes 4,9 --timings",
             "keys new k --days 7",
         ];
         for (number, line) in lines.iter().enumerate() {
             self.put("command_line", &number.to_string(), &[line.replace(' ', "\n").as_bytes()])?;
         }
-        self.put("imports", "csv", &[b"\0address,bytes\n0x10,4\n32,8\n"])?;
-        self.put("imports", "din", &[b"\x010 7fff\n2 10\n1 20 comment\n"])?;
-        self.put("imports", "oracle_general", &[&[2], &[1; 24], &[2; 24]])
+        self.traces()
+    }
+
+    /// Of each format, behind its number; 15: it is recognised.
+    fn traces(&self) -> Result<()> {
+        let din = b"0 7fff\n2 10\n1 20 comment\n4 20\n5 20\n";
+        let traces: [(&str, u8, &[u8]); 16] = [
+            ("din", 0, din),
+            ("din_extended", 0, b"r 7fff 4\nw 10 8\nc 10 4\nv 0 0\nc 0 0\n"),
+            ("oracle_general", 1, &[1; 48]),
+            ("csv", 2, b"address,bytes\n0x10,4\n32,8\n"),
+            ("csv_objects", 2, b"time;op;size;lbn\n1;r;512;100\n2;w;4096;a\n"),
+            ("csv_numbers", 2 | 5 << 4, b"a b 1 7\nc \"d\" 1 8\n"),
+            ("ids", 3, b"7\n0x7\nseven\n"),
+            ("vscsi_1", 4, &[1; 64]),
+            ("vscsi_2", 4, &[2; 80]),
+            ("lackey", 5, b"==1== x\nI  0401ab70,3\n M 04a17de0,8\n"),
+            ("champsim", 6, &[1; 128]),
+            ("ramulator", 7, b"LD 0x40\nST 64\n0x40 R\n64 W\n"),
+            ("json", 8, b"{\"address\":60,\"bytes\":8}\n"),
+            ("recognised", 15, b"0x40 R\n64 W\n"),
+            ("gzip", 0, include_bytes!("traces/t.din.gz")),
+            ("xz", 0, include_bytes!("traces/t.din.xz")),
+        ];
+        for (name, format, trace) in traces {
+            self.put("imports", name, &[&[format], trace])?;
+        }
+        self.put("imports", "zstd", &[&[0], include_bytes!("traces/t.din.zst")])
     }
 
     fn scenes(&self) -> Result<()> {

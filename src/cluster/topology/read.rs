@@ -265,7 +265,7 @@ mod tests {
             ),
             (
                 "[cluster.local_memory]\nreplacement = 'lfu'",
-                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, random",
+                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, clock:1, random, clock:0, srrip, sieve, s3-fifo, plru",
             ),
             (
                 "[cluster.local_memory]\nreplacement = { lru = {} }",
@@ -449,6 +449,8 @@ mod tests {
                 "'4 KiB'",
                 "64",
                 "'random'",
+                "'clock:0'",
+                "'s3-fifo'",
                 "'round_robin'",
                 "'morton'",
                 "'soft'",

@@ -13,8 +13,10 @@ use trace::tracer::{MemoryPort, RayKind};
 
 /// A word of a reference stream.
 ///
-/// Bits 31–30: 0 a read; 1 a write and 2 an invalidation, which no version writes yet, each of the record that bits
-/// 29–0 number; 3 a mark. Bits 29–24 of a mark say what it marks: 0 a ray's start, its kind in bits 23–0.
+/// Bits 31–30: 0 a read; 1 a write and 2 an invalidation, each of the record that bits 29–0 number; 3 a mark. A mark whose bit
+/// 29 is set is a copy back of the record that bits 28–0 number. Of all others bits 29–24 say what is marked: 0 a ray's start,
+/// its kind in bits 23–0; 1 a copy back and 2 an invalidation of all that a memory holds, bits 23–0 being 0. Recordings have
+/// reads and rays alone; the rest is of traces that came from elsewhere.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ReferenceWord(pub u32);
 
@@ -25,10 +27,25 @@ pub enum Event {
     Read(u32),
     /// The reads from here on are made for a ray of this kind; a primary one begins the tile's next pixel, row by row.
     Ray(RayKind),
+    /// Of the record with this number.
+    Write(u32),
+    /// What is dirty of the record is written back, and stays.
+    CopyBack(u32),
+    /// The record is dropped, dirty or not.
+    Invalidate(u32),
+    /// All that is dirty is written back.
+    CopyBackAll,
+    /// All is dropped.
+    InvalidateAll,
 }
 
 impl ReferenceWord {
+    const WRITE: u32 = 1 << 30;
+    const INVALIDATE: u32 = 2 << 30;
     const MARK: u32 = 3 << 30;
+    const COPY_BACK: u32 = Self::MARK | 1 << 29;
+    pub const COPY_BACK_ALL: Self = Self(Self::MARK | 1 << 24);
+    pub const INVALIDATE_ALL: Self = Self(Self::MARK | 2 << 24);
 
     #[inline(always)]
     pub const fn read(record: u32) -> Self {
@@ -39,10 +56,29 @@ impl ReferenceWord {
         Self(Self::MARK | kind as u32)
     }
 
+    pub const fn write(record: u32) -> Self {
+        Self(Self::WRITE | record)
+    }
+
+    /// Of a record below 2²⁹.
+    pub const fn copy_back(record: u32) -> Self {
+        Self(Self::COPY_BACK | record)
+    }
+
+    pub const fn invalidate(record: u32) -> Self {
+        Self(Self::INVALIDATE | record)
+    }
+
     /// Whether it is a read; bits 29–0 are its record then.
     #[inline(always)]
     pub const fn is_read(self) -> bool {
         self.0 < 1 << 30
+    }
+
+    /// The record that is read or written; `None` for all else.
+    #[inline(always)]
+    pub const fn record(self) -> Option<u32> {
+        if self.0 < 2 << 30 { Some(self.0 & !Self::WRITE) } else { None }
     }
 
     /// `None` for what no version writes yet.
@@ -51,8 +87,26 @@ impl ReferenceWord {
         if self.is_read() {
             return Some(Event::Read(self.0));
         }
-        let kind = self.0.checked_sub(Self::MARK)?;
-        RayKind::ALL.get(kind as usize).map(|&kind| Event::Ray(kind))
+        if let Some(kind) = self.0.checked_sub(Self::MARK) {
+            if let Some(&kind) = RayKind::ALL.get(kind as usize) {
+                return Some(Event::Ray(kind));
+            }
+        }
+        self.decode_imported()
+    }
+
+    /// What recordings have not.
+    #[inline(never)]
+    fn decode_imported(self) -> Option<Event> {
+        match self.0 {
+            0..Self::WRITE => None,
+            Self::WRITE..Self::INVALIDATE => Some(Event::Write(self.0 - Self::WRITE)),
+            Self::INVALIDATE..Self::MARK => Some(Event::Invalidate(self.0 - Self::INVALIDATE)),
+            Self::COPY_BACK.. => Some(Event::CopyBack(self.0 - Self::COPY_BACK)),
+            _ if self == Self::COPY_BACK_ALL => Some(Event::CopyBackAll),
+            _ if self == Self::INVALIDATE_ALL => Some(Event::InvalidateAll),
+            _ => None,
+        }
     }
 }
 
@@ -192,10 +246,28 @@ mod tests {
     }
 
     #[test]
+    fn words_of_imported_traces_are_no_reads() {
+        for record in [0, 7, (1 << 29) - 1] {
+            for (word, event) in [
+                (ReferenceWord::write(record), Event::Write(record)),
+                (ReferenceWord::copy_back(record), Event::CopyBack(record)),
+                (ReferenceWord::invalidate(record), Event::Invalidate(record)),
+            ] {
+                assert_eq!((word.is_read(), word.decode()), (false, Some(event)));
+            }
+            assert_eq!(ReferenceWord::write(record).record(), Some(record));
+            assert_eq!(ReferenceWord::read(record).record(), Some(record));
+            assert_eq!(ReferenceWord::invalidate(record).record(), None);
+        }
+        assert_eq!(ReferenceWord::COPY_BACK_ALL.decode(), Some(Event::CopyBackAll));
+        assert_eq!(ReferenceWord::INVALIDATE_ALL.decode(), Some(Event::InvalidateAll));
+    }
+
+    #[test]
     fn what_is_reserved_is_nothing_yet() {
         let kinds = RayKind::COUNT as u32;
-        // Writes, invalidations, ray kinds and marks that there are not.
-        for word in [1 << 30, 1 << 30 | 7, 2 << 30, 3 << 30 | kinds, 3 << 30 | 1 << 24, u32::MAX] {
+        // Ray kinds and marks that there are not.
+        for word in [3 << 30 | kinds, 3 << 30 | 1 << 24 | 1, 3 << 30 | 3 << 24, (3 << 30 | 1 << 29) - 1] {
             assert_eq!((ReferenceWord(word).is_read(), ReferenceWord(word).decode()), (false, None), "{word:#010x}");
         }
     }

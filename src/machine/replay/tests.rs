@@ -3,7 +3,7 @@
 use crate::hardware::cluster_memory::{AccessError, ClusterMemory};
 use crate::hardware::local_memory::{Geometry, LineSource, LocalMemory};
 use crate::hardware::references::{Event, RecordNumbers, ReferenceWord};
-use crate::hardware::replacement::{Clock, Fifo, Lru, Random, Replacement};
+use crate::hardware::replacement::{Clock, Clock0, Fifo, Lru, Random, Replacement, S3Fifo, Sieve, Srrip};
 use crate::hardware::specification::{self, MemorySize};
 use crate::hardware::stats::MemoryStats;
 use crate::hardware::transaction::FetchRequest;
@@ -48,6 +48,7 @@ fn read_all<P: MemoryPort<Error: std::fmt::Debug>>(
                 continue;
             }
             Event::Read(record) => record,
+            other => panic!("{other:?} of a tracer"),
         };
         let (section, i) = numbers.place(record);
         let read = match section {
@@ -126,6 +127,11 @@ fn assert_counts(database: &Verified, trace: &Captured) {
             both::<Fifo>(database, trace, geometry),
             both::<Clock>(database, trace, geometry),
             both::<Random>(database, trace, geometry),
+            both::<Clock0>(database, trace, geometry),
+            both::<Srrip>(database, trace, geometry),
+            both::<Sieve>(database, trace, geometry),
+            // Counts hits that are repeated at once, so that the replay must not leave these out.
+            both::<S3Fifo>(database, trace, geometry),
         ] {
             assert_eq!(live, replayed, "{geometry:?}");
             counted.push(live.total().line_misses);
@@ -199,7 +205,8 @@ fn a_word_that_is_not_known_is_an_error() {
     let geometry = Geometry::new(&memory(MemorySize::All, 16, None), &layout).expect("within ranges");
     let lines = RecordLines::new(&layout, 16);
     let trace = Tiles::new(&[(0, 0, true)]);
-    let error =
-        Replayer::<Lru, _>::new(&lines, geometry, SEED).expect("few slots").words(&[3, 1 << 30], &mut Sum::new(&trace));
-    assert_eq!(error, Err(TraceError("0x40000000 is no word that this version knows".to_owned())));
+    let error = Replayer::<Lru, _>::new(&lines, geometry, SEED)
+        .expect("few slots")
+        .words(&[3, 0xc300_0000], &mut Sum::new(&trace));
+    assert_eq!(error, Err(TraceError("0xc3000000 is no word that this version knows".to_owned())));
 }

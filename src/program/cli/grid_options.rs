@@ -14,13 +14,13 @@ pub(in crate::cli) struct GridOptions {
     /// Sizes of a node's local memory: "all", shares such as 1/8, bytes such as "64 KiB"; ranges double
     #[arg(long, value_name = "LIST")]
     local_memory: Option<List<Size>>,
-    /// Bytes of a line, 16 to 256; ranges double
+    /// Bytes of a line, 16 to 256, of a trace of others up to 65536; ranges double
     #[arg(long, value_name = "LIST")]
     line: Option<List<LineBytes>>,
     /// Lines of a set, or full; ranges double
     #[arg(long, value_name = "LIST")]
     ways: Option<List<WayCount>>,
-    /// Which line of a full set gives way
+    /// Which line of a full set gives way; lines begin referenced with clock (also clock:1), unreferenced with clock:0
     #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
     replacement: Vec<Policy>,
     /// Processing nodes of a cluster; ranges count
@@ -133,6 +133,39 @@ pub(super) const OF_RECORDINGS: [&str; 17] = [
     TIMES[7],
     TIMES[8],
 ];
+
+/// The same of a trace of objects, each of which takes one unit.
+pub(super) const OF_LINES_AND_RECORDINGS: [&str; 21] = {
+    let mut hidden = [
+        "line",
+        "line_accesses",
+        "line_misses",
+        "words_moved",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+        "",
+    ];
+    let mut i = 0;
+    while i < OF_RECORDINGS.len() {
+        hidden[4 + i] = OF_RECORDINGS[i];
+        i += 1;
+    }
+    hidden
+};
 
 impl GridOptions {
     pub(in crate::cli) fn grid(&self) -> Grid {

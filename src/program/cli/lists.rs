@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use cluster::topology::value::{Cycles, CyclesPerWord, Line, Nodes, Quantum, Ways, Width};
+use cluster::topology::value::{Cycles, CyclesPerWord, Nodes, Quantum, Ways, Width};
 use machine::hardware::specification::{Arbiter, MemorySize};
 use machine::replay::plan::setting::ArbiterName;
 
@@ -121,6 +121,19 @@ macro_rules! integers {
     )*};
 }
 
+/// Bytes of a line of a trace that came from elsewhere; recordings have shorter ones, which their geometry checks.
+struct ImportedLine(u32);
+
+impl FromStr for ImportedLine {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        const MAX: u32 = machine::replay::importers::LINE_BYTES_MAX;
+        let bytes = text.parse().ok().filter(|bytes: &u32| bytes.is_power_of_two() && (16..=MAX).contains(bytes));
+        bytes.map(Self).ok_or_else(|| format!("expected a power of two, 16 to {MAX}"))
+    }
+}
+
 integers! {
     /// Processing nodes. Ranges count.
     NodeCount(u16): Nodes, |nodes, factor| match factor {
@@ -128,7 +141,7 @@ integers! {
         None => nodes.checked_add(1),
     };
     /// Bytes of a line. Ranges double.
-    LineBytes(u32): Line, |line, factor| line.checked_mul(factor.unwrap_or(2));
+    LineBytes(u32): ImportedLine, |line, factor| line.checked_mul(factor.unwrap_or(2));
     /// Bytes of a bus word. Ranges double.
     BusWidth(u32): Width, |width, factor| width.checked_mul(factor.unwrap_or(2));
     /// Cycles. Ranges double; from 0 on there is no next one.

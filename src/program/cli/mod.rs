@@ -185,7 +185,10 @@ mod tests {
             ("marti replay o --local-memory 1/8..4096", "is empty"),
             ("marti replay o --line 20", "power of two"),
             ("marti replay o --ways 0", "or full for all lines"),
-            ("marti replay o --replacement mru", "possible values: lru, fifo, clock, random, optimal"),
+            (
+                "marti replay o --replacement mru",
+                "possible values: lru, fifo, clock, clock:0, random, srrip, sieve, s3-fifo, plru, optimal",
+            ),
             ("marti replay o --nodes 4..2", "expected the smaller value first"),
             ("marti replay o --nodes 1..300", "expected an integer from 1 to 256"),
             ("marti replay o --tile-order spiral", "expected scanline, morton or random"),

@@ -36,6 +36,9 @@ enum Study {
 /// Print the 1991 paper's figures beside this program's
 #[derive(Clone, Debug, Args)]
 struct PaperArguments {
+    /// Search for the settings that come nearest to Table 1 instead; takes half an hour
+    #[arg(long)]
+    search: bool,
     #[command(flatten)]
     output: StudyOutput,
 }
@@ -81,6 +84,9 @@ pub(super) fn study(arguments: &StudyArguments) -> Result<(), Failure> {
 
 fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
     let output = &arguments.output;
+    if arguments.search {
+        return search_paper(output);
+    }
     output.make_folder()?;
     let steps = Steps::new(output.quiet, paper::STEPS);
     let found = Paper::study(|what| steps.begin(what));
@@ -91,6 +97,20 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
         Format::Text => paper::text(&paper),
         Format::Json => json(&paper)?,
         Format::Csv => paper::csv(&paper),
+    })
+}
+
+fn search_paper(output: &StudyOutput) -> Result<(), Failure> {
+    if output.out.is_some() || output.format == Format::Csv {
+        return Err(Failure::bad_input("--search prints a table or JSON: expected it without --out and --format csv"));
+    }
+    let steps = Steps::new(output.quiet, paper::search::STEPS);
+    let found = paper::Search::new(|what| steps.begin(what));
+    steps.clear();
+    let search = found.map_err(|error| Failure::failed(error.to_string()))?;
+    print(&match output.format {
+        Format::Json => json(&search)?,
+        Format::Text | Format::Csv => paper::search_text(&search),
     })
 }
 

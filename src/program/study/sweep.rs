@@ -229,7 +229,7 @@ fn name(setting: &Setting) -> String {
     let ways = ways.map_or_else(String::new, |ways| format!(", {ways} ways"));
     let policy = match replacement {
         Policy::Lru => String::new(),
-        other => format!(", {other:?}").to_lowercase(),
+        other => format!(", {other}"),
     };
     format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {}", bus.width)
 }

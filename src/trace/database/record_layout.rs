@@ -55,6 +55,9 @@ impl RecordLayout {
     /// Triangles of f32, nothing padded.
     pub const DEFAULT: Self = Self { objects: Objects::Triangles, numbers: Numbers::F32, record_bytes: None };
 
+    /// The same, of polygons.
+    pub const POLYGONS: Self = Self { objects: Objects::Polygons, ..Self::DEFAULT };
+
     /// `record_bytes`: of an object, a triangle or a polygon; `None`: as many as are needed.
     ///
     /// # Errors

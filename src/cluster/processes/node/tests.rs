@@ -220,7 +220,17 @@ async fn ended(node: Node) -> Result<(), ProcessError> {
 async fn its_tiles_are_those_of_the_tracer_alone_and_its_counts_those_of_the_bus() {
     let database = database();
     let expected = expected(database);
-    for replacement in [Replacement::Lru, Replacement::Fifo, Replacement::Clock, Replacement::Random] {
+    let policies = [
+        Replacement::Lru,
+        Replacement::Fifo,
+        Replacement::Clock,
+        Replacement::Random,
+        Replacement::Clock0,
+        Replacement::Srrip,
+        Replacement::Sieve,
+        Replacement::S3Fifo,
+    ];
+    for replacement in policies {
         for size in [ALL, SMALL] {
             let (master, bus, display) = (listen().await, listen().await, listen().await);
             let mut configuration = configuration(database, size, [&master, &bus, &display]);

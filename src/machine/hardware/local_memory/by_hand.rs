@@ -105,7 +105,7 @@ fn the_reads_of_a_quadrilateral_are_those_worked_by_hand() {
     let mut trace = Captured::default();
     trace.push(NodeId(0), TileId(0), [words]);
     let lines = RecordLines::new(layout, 16);
-    let (mut replayer, mut sum) = (Replayer::<Lru, _>::new(&lines, geometry, 1), Sum::new(&trace));
+    let (mut replayer, mut sum) = (Replayer::<Lru, _>::new(&lines, geometry, 1).expect("few slots"), Sum::new(&trace));
     replayer.tile(&trace, 0, &mut sum).expect("sound");
     assert_eq!(sum.finish(), all);
 }

@@ -1,5 +1,7 @@
 //! Which line is in which slot: tags and replacement, without data.
 
+use std::collections::BTreeSet;
+
 use super::Slots;
 use crate::hardware::replacement::Replacement;
 
@@ -16,6 +18,8 @@ pub struct Directory<R> {
     lines: Vec<u32>,
     /// By set: how many of its slots are filled; these are its first ones.
     filled: Vec<u32>,
+    /// Slots that are empty again, although they were filled.
+    emptied: BTreeSet<u32>,
     replacement: R,
 }
 
@@ -41,6 +45,7 @@ impl<R: Replacement> Directory<R> {
             slots: vec![0; lines as usize],
             lines: vec![0; extent.count() as usize],
             filled: vec![0; extent.sets as usize],
+            emptied: BTreeSet::new(),
             replacement: R::new(extent.sets, extent.ways, seed),
         }
     }
@@ -81,6 +86,25 @@ impl<R: Replacement> Directory<R> {
         self.fill(line, set);
     }
 
+    /// As [`Self::miss`]. Returns the line that is evicted for it.
+    pub fn place(&mut self, line: u32, set: u32) -> Option<u32> {
+        match self.fill(line, set) {
+            Reference::Miss { evicted, .. } => evicted,
+            Reference::Hit { .. } => None,
+        }
+    }
+
+    /// Drops a line, and whether it was there. Its slot is filled again before a line of its set is evicted.
+    ///
+    /// # Panics
+    /// `line` is not below the number of lines.
+    pub fn invalidate(&mut self, line: u32) -> bool {
+        let Some(slot) = self.slot(line) else { return false };
+        self.slots[line as usize] = 0;
+        self.emptied.insert(slot);
+        true
+    }
+
     /// Whether this slot holds this line.
     pub fn holds(&self, slot: u32, line: u32) -> bool {
         self.slots[line as usize] == slot + 1
@@ -97,6 +121,8 @@ impl<R: Replacement> Directory<R> {
         let (slot, evicted) = if *filled < self.extent.ways {
             *filled += 1;
             (set * self.extent.ways + *filled - 1, None)
+        } else if let Some(slot) = self.take_emptied(set) {
+            (slot, None)
         } else {
             let slot = self.replacement.victim(set);
             let first = set * self.extent.ways;
@@ -111,8 +137,21 @@ impl<R: Replacement> Directory<R> {
         };
         self.lines[slot as usize] = line;
         self.slots[line as usize] = slot + 1;
-        self.replacement.fill(slot);
+        self.replacement.fill(slot, line);
         Reference::Miss { slot, evicted }
+    }
+}
+
+impl<R> Directory<R> {
+    #[inline(always)]
+    fn take_emptied(&mut self, set: u32) -> Option<u32> {
+        if self.emptied.is_empty() {
+            return None;
+        }
+        let first = set * self.extent.ways;
+        let slot = self.emptied.range(first..first + self.extent.ways).next().copied()?;
+        self.emptied.remove(&slot);
+        Some(slot)
     }
 }
 
@@ -132,6 +171,17 @@ mod tests {
         assert_eq!(directory.reference(10), Reference::Miss { slot: 3, evicted: Some(4) });
         assert_eq!(directory.reference(11), Reference::Miss { slot: 4, evicted: None });
         assert!(directory.holds(2, 7) && !directory.holds(2, 1) && !directory.holds(3, 7));
+    }
+
+    #[test]
+    fn an_invalidated_line_makes_room() {
+        let mut directory = Directory::<Lru>::new(Slots { sets: 2, ways: 2 }, 12, 0);
+        assert_eq!([0, 2, 1].map(|line| directory.place(line, line % 2)), [None; 3]);
+        assert!(directory.invalidate(0) && !directory.invalidate(0) && !directory.invalidate(5));
+        assert_eq!((directory.slot(0), directory.place(4, 0)), (None, None));
+        // Line 2 is older than 4, though 4 has its predecessor's slot.
+        assert_eq!((directory.place(6, 0), directory.slot(4)), (Some(2), Some(0)));
+        assert_eq!(directory.reference(1), Reference::Hit { slot: 2 });
     }
 
     #[test]
@@ -157,7 +207,7 @@ mod tests {
             fn victim(&mut self, _set: u32) -> u32 {
                 2
             }
-            fn fill(&mut self, _slot: u32) {}
+            fn fill(&mut self, _slot: u32, _line: u32) {}
         }
         let mut directory = Directory::<Astray>::new(Slots { sets: 2, ways: 2 }, 8, 0);
         for line in [0, 2, 4] {

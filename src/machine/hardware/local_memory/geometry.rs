@@ -71,6 +71,9 @@ pub enum GeometryError {
     Ways { ways: u32, lines: u64 },
     #[error("{sets} sets of {ways} ways that are referenced: expected at most {} lines in all", Slots::COUNT_MAX)]
     TooManySlots { sets: u64, ways: u64 },
+    #[error("plru on sets of {ways} lines in a memory of {lines} lines: expected a power of two of lines in a set, such as {}",
+            1u64 << ways.ilog2())]
+    WaysOfTree { ways: u64, lines: u64 },
     #[error("the database is empty: expected at least one record")]
     EmptyImage,
 }
@@ -111,6 +114,9 @@ impl Geometry {
         };
         if !is_possible {
             return Err(GeometryError::Ways { ways: memory.ways.unwrap_or(0), lines });
+        }
+        if memory.replacement == specification::Replacement::Plru && !ways.is_power_of_two() {
+            return Err(GeometryError::WaysOfTree { ways, lines });
         }
         Ok(Self { line_bytes, database_lines, sets, ways })
     }
@@ -228,5 +234,24 @@ mod tests {
             assert_eq!(error.to_string(), expected);
         }
         assert_eq!(Geometry::new(&memory(All, 64, None), &image(0)), Err(GeometryError::EmptyImage));
+    }
+
+    #[test]
+    fn a_tree_needs_a_power_of_two_of_ways() {
+        let geometry = |size, ways| {
+            let plru =
+                specification::LocalMemory { replacement: specification::Replacement::Plru, ..memory(size, 64, ways) };
+            Geometry::new(&plru, &image(1000)).map(|geometry| (geometry.sets, geometry.ways))
+        };
+        assert_eq!(geometry(Share { numerator: 1, denominator: 8 }, Some(8)), Ok((62, 8)));
+        assert_eq!(geometry(Bytes(4096), None), Ok((1, 64)));
+        let table = [
+            (Share { numerator: 1, denominator: 8 }, None, "sets of 500 lines in a memory of 500 lines", 256),
+            (Bytes(4096), Some(3), "sets of 3 lines in a memory of 64 lines", 2),
+        ];
+        for (size, ways, what, example) in table {
+            let expected = format!("plru on {what}: expected a power of two of lines in a set, such as {example}");
+            assert_eq!(geometry(size, ways).map_err(|error| error.to_string()), Err(expected));
+        }
     }
 }

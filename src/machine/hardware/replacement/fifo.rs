@@ -25,7 +25,7 @@ impl Replacement for Fifo {
         set * self.ways + way
     }
 
-    fn fill(&mut self, _slot: u32) {}
+    fn fill(&mut self, _slot: u32, _line: u32) {}
 }
 
 #[cfg(test)]

@@ -63,7 +63,7 @@ impl Replacement for Lru {
         }
     }
 
-    fn fill(&mut self, slot: u32) {
+    fn fill(&mut self, slot: u32, _line: u32) {
         self.hit(slot);
     }
 }

@@ -4,33 +4,46 @@
 mod clock;
 mod fifo;
 mod lru;
+mod plru;
+pub(crate) mod queues;
 mod random;
+mod s3_fifo;
+mod sieve;
+mod srrip;
 
-pub use clock::Clock;
+pub use clock::{Clock, Clock0};
 pub use fifo::Fifo;
 pub use lru::Lru;
+pub use plru::Plru;
 pub use random::Random;
+pub use s3_fifo::S3Fifo;
+pub use sieve::Sieve;
+pub use srrip::Srrip;
 
 /// A replacement policy for all sets of a memory. The slots of set `s` are `s · ways` to
-/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim.
+/// `s · ways + ways − 1`; empty ones are filled in ascending order before there is a victim, and so are those, later, whose line
+/// is invalidated.
 ///
 /// # Contract
-/// A hit on the line that was hit last, with nothing in between, changes nothing: [`Self::hit`] of the same slot again leaves
-/// all later victims as they are. A replay leaves such a call out, and a local memory does not, so that only a policy that keeps
-/// this has the same misses in both. A policy that counts each hit, such as LFU, does not keep it: let it count changes of line
-/// instead, that is, remember the slot that was hit last and ignore it the next time.
+/// Unless [`Self::REPEATED_HITS_COUNT`] is true, a hit on the line that was hit last, with nothing in between, changes nothing:
+/// [`Self::hit`] of the same slot again leaves all later victims as they are. A replay leaves such a call out, and a local memory
+/// does not, so that only a policy that keeps this has the same misses in both. A policy that counts each hit, such as LFU, says so
+/// by that constant, and replays call it for every hit.
 pub trait Replacement {
+    /// Whether a hit that is repeated at once may change a later victim. False for most policies, whose replays are faster.
+    const REPEATED_HITS_COUNT: bool = false;
+
     /// For `sets` sets of `ways` slots, none filled; `seed` decides what is random.
     fn new(sets: u32, ways: u32, seed: u64) -> Self;
 
-    /// The line in `slot` was referenced. Repeated at once, it changes nothing.
+    /// The line in `slot` was referenced. Repeated at once, it changes nothing, unless [`Self::REPEATED_HITS_COUNT`].
     fn hit(&mut self, slot: u32);
 
     /// The slot of a full set whose line is evicted, one of that set's. [`Self::fill`] of the same slot follows.
     fn victim(&mut self, set: u32) -> u32;
 
-    /// A line was placed in `slot`, which was empty or the victim.
-    fn fill(&mut self, slot: u32);
+    /// `line` of the image was placed in `slot`, which was empty or the victim.
+    fn fill(&mut self, slot: u32, line: u32);
 }
 
 /// Evaluates an expression in which `$policy` names the type of the policy that a specification asks for: compiled once
@@ -38,7 +51,7 @@ pub trait Replacement {
 #[macro_export]
 macro_rules! with_policy {
     ($specification:expr, $policy:ident => $body:expr) => {
-        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random)
+        $crate::with_policy!(@match $specification, $policy => $body; Lru, Fifo, Clock, Random, Clock0, Srrip, Sieve, S3Fifo, Plru)
     };
     (@match $specification:expr, $policy:ident => $body:expr; $($name:ident),+) => {
         match $specification {
@@ -66,7 +79,7 @@ mod tests {
     const STALLINGS: [u32; 12] = [2, 3, 2, 1, 5, 2, 4, 5, 3, 2, 5, 2];
 
     /// Of lines below this.
-    pub(super) const LINES: u32 = 64;
+    pub(super) const LINES: u32 = 16384;
 
     /// Per reference whether it missed.
     pub(super) fn misses<R: Replacement>(sets: u32, ways: u32, references: &[u32]) -> Vec<bool> {
@@ -109,6 +122,9 @@ mod tests {
         assert_eq!([count::<Lru>(3, &BELADY), count::<Lru>(4, &BELADY)], [10, 8]);
         // By hand: with all reference bits set, the hand goes round once and clock is FIFO here.
         assert_eq!([count::<Clock>(3, &BELADY), count::<Clock>(4, &BELADY)], [9, 10]);
+        // By hand: with three frames 1 and 2 are hit after 5, so that 3 replaces 5 and not 1; with four they are hit before
+        // it, and stay to the end.
+        assert_eq!([count::<Clock0>(3, &BELADY), count::<Clock0>(4, &BELADY)], [10, 8]);
     }
 
     #[test]
@@ -121,7 +137,18 @@ mod tests {
     #[test]
     fn what_fits_misses_once() {
         let twice: Vec<u32> = (0..16).chain(0..16).collect();
-        for misses in [count::<Lru>, count::<Fifo>, count::<Clock>, count::<Random>] {
+        let all = [
+            count::<Lru>,
+            count::<Fifo>,
+            count::<Clock>,
+            count::<Clock0>,
+            count::<Random>,
+            count::<Srrip>,
+            count::<Sieve>,
+            count::<S3Fifo>,
+            count::<Plru>,
+        ];
+        for misses in all {
             assert_eq!(misses(16, &twice), 16);
         }
     }
@@ -139,13 +166,15 @@ mod tests {
         references.iter().enumerate().map(missed).collect()
     }
 
-    /// Counts hits, which is what the contract of [`Replacement`] excludes.
+    /// Counts hits, and declares it.
     struct Counting {
         ways: u32,
         hits: Vec<u32>,
     }
 
     impl Replacement for Counting {
+        const REPEATED_HITS_COUNT: bool = true;
+
         fn new(sets: u32, ways: u32, _seed: u64) -> Self {
             Self { ways, hits: vec![0; (sets * ways) as usize] }
         }
@@ -159,16 +188,27 @@ mod tests {
             slots.min_by_key(|&slot| self.hits[slot as usize]).expect("at least one way")
         }
 
-        fn fill(&mut self, slot: u32) {
+        fn fill(&mut self, slot: u32, _line: u32) {
             self.hits[slot as usize] = 0;
         }
     }
 
+    /// Whether any number of repeated hits gives other misses than none.
+    fn counts<R: Replacement>(ways: u32, references: &[u32]) -> bool {
+        let once = misses_of_repeated::<R>(ways, references, 0);
+        (1..4).any(|repeats| misses_of_repeated::<R>(ways, references, repeats) != once)
+    }
+
     #[test]
-    fn a_policy_that_counts_hits_does_not_keep_the_contract() {
-        let references = [0, 2, 0, 2, 4, 0];
-        let once = misses_of_repeated::<Counting>(2, &references, 0);
-        assert!((1..4).any(|repeats| misses_of_repeated::<Counting>(2, &references, repeats) != once));
+    fn s3_fifo_counts_repeated_hits() {
+        // Two ways of set 0: 0 is in the small queue, 2 in the main one. Hit once, 0 is evicted for 4; hit more often, it moves to
+        // the main queue, and 2 is evicted.
+        assert!(counts::<S3Fifo>(2, &[0, 0, 2, 4, 0]));
+    }
+
+    #[test]
+    fn a_policy_that_counts_hits_has_to_declare_it() {
+        assert!(counts::<Counting>(2, &[0, 2, 0, 2, 4, 0]));
     }
 
     proptest! {
@@ -177,10 +217,13 @@ mod tests {
             references in prop::collection::vec(0u32..24, 0..300), ways in 1u32..9, repeats in 1usize..4,
         ) {
             let all = [misses_of_repeated::<Lru>, misses_of_repeated::<Fifo>, misses_of_repeated::<Clock>,
-                       misses_of_repeated::<Random>];
+                       misses_of_repeated::<Random>, misses_of_repeated::<Clock0>, misses_of_repeated::<Srrip>,
+                       misses_of_repeated::<Sieve>];
             for policy in all {
                 prop_assert_eq!(policy(ways, &references, repeats), policy(ways, &references, 0));
             }
+            let (plru, ways) = (misses_of_repeated::<Plru>, ways.next_power_of_two());
+            prop_assert_eq!(plru(ways, &references, repeats), plru(ways, &references, 0));
         }
 
         #[test]

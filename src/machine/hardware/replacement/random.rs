@@ -26,7 +26,7 @@ impl Replacement for Random {
         set * self.ways + way as u32
     }
 
-    fn fill(&mut self, _slot: u32) {}
+    fn fill(&mut self, _slot: u32, _line: u32) {}
 }
 
 #[cfg(test)]

@@ -92,15 +92,33 @@ pub enum MemorySize {
 }
 
 /// Which line of a full set is evicted: the least recently used one, the one that was filled first, the next one that clock's
-/// hand finds unreferenced, or one at random.
+/// hand finds unreferenced, or one at random. Lines begin referenced with clock, which is also clock:1, and unreferenced with
+/// clock:0. Newer ones are static re-reference interval prediction, SIEVE, S3-FIFO and tree pseudo-LRU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(transform = with_alias)]
 pub enum Replacement {
     // No text on the variants: the topology's schema would list them one by one.
     Lru,
     Fifo,
+    #[serde(alias = "clock:1")]
     Clock,
     Random,
+    // What follows is newer: the wire has a variant's number, so that others are added at the end.
+    #[serde(rename = "clock:0")]
+    Clock0,
+    Srrip,
+    Sieve,
+    #[serde(rename = "s3-fifo")]
+    S3Fifo,
+    Plru,
+}
+
+/// The schema's own list has no aliases.
+fn with_alias(schema: &mut schemars::Schema) {
+    if let Some(serde_json::Value::Array(names)) = schema.get_mut("enum") {
+        names.push("clock:1".into());
+    }
 }
 
 /// Its name in a topology file.

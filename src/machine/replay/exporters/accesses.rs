@@ -69,6 +69,7 @@ pub fn visit(
                         let what = format!("record {record}, expected one below {}", numbers.count());
                         return Err(TraceError(what).into());
                     }
+                    other => return Err(TraceError(format!("{other:?}, expected a read or a ray")).into()),
                 };
                 let (section, index) = numbers.place(record);
                 visit(&Access {

@@ -103,7 +103,7 @@ fn what_a_trace_must_not_hold_is_an_error() {
     let (layout, mut trace) = example();
     let lines = RecordLines::new(&layout, 32);
     let surroundings = Surroundings { layout: &layout, levels: &[], tiling: TILING };
-    for (word, what) in [(1 << 30, "0x40000000 is no word"), (5000, "record 5000")] {
+    for (word, what) in [(0xc300_0000, "0xc3000000 is no word"), (5000, "record 5000")] {
         trace.parts[0][1] = word;
         let outcomes = [
             din::write(&mut Vec::new(), &trace, &[0], &lines, 32),

@@ -1,50 +1,151 @@
 //! A trace that came from elsewhere: one stream of references, without tiles or rays.
 
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, Write};
 use std::os::unix::fs::FileExt;
+use std::sync::{Mutex, PoisonError};
 
 use super::TableLines;
-use super::table_lines::{Extent, Unit};
-use crate::hardware::references::{PART_WORDS, ReferenceWord};
-use crate::replay::{Trace, TraceError, TracedTile};
+use super::table_lines::Extent;
+use crate::hardware::references::PART_WORDS;
+use crate::replay::{Lines, Trace, TraceError, TracedTile};
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 
-/// References of one node in one tile. What was referenced, each different pair of address and size, is a record; these
-/// are numbered in the order in which they first appear.
+/// References of one node in one tile. What was referenced, each different pair of address and size, or each object, is a
+/// record; these are numbered in the order in which they first appear.
 #[derive(Debug)]
 pub struct Imported {
     /// The one tile.
     tile: [TracedTile; 1],
     /// Words of all parts, little-endian, in a file that has no name any more.
     words: File,
-    references: u64,
-    /// References that write. They are counted as reads: a memory that allocates on writes makes no difference.
-    pub writes: u64,
-    /// References to nothing, of size zero, that are left out as libCacheSim leaves them out.
-    pub left_out: u64,
+    word_count: u64,
+    notes: Notes,
     /// By record, its place in `sizes`.
     kinds: Vec<u32>,
     /// 32-bit words, begun ones too, in ascending order, each once.
     sizes: Vec<u32>,
-    table: TableLines,
+    contents: Contents,
+    /// No line may be shorter.
+    line_bytes_min: u32,
+    /// By bytes of a line, all that were asked for so far; that of objects is the same for all.
+    tables: Mutex<BTreeMap<u32, TableLines>>,
+}
+
+/// What is referenced, by record.
+#[derive(Debug)]
+pub(super) enum Contents {
+    Bytes(Vec<Extent>),
+    Objects { ids: Vec<u64>, bytes: Vec<u64> },
+}
+
+/// What was counted as a trace was read.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Notes {
+    /// Reads, instruction fetches and writes.
+    pub references: u64,
+    pub writes: u64,
+    /// What was written back before it had to be evicted.
+    pub copy_backs: u64,
+    pub invalidations: u64,
+    /// References to objects of size 0, which are left out.
+    pub left_out: u64,
+    /// References to an object with another size than it had at first.
+    pub resized: u64,
+    /// References whose operation has a name that is not known; they count as reads.
+    pub unknown_operations: u64,
 }
 
 impl Imported {
-    /// Where records lie, for lines of so many bytes: a power of two, 16 to 256.
+    /// # Errors
+    /// There are more lines of `line_bytes_min` than can be simulated.
+    pub(super) fn new(
+        words: File,
+        word_count: u64,
+        contents: Contents,
+        notes: Notes,
+        line_bytes_min: u32,
+    ) -> Result<Self, String> {
+        let tile = TracedTile {
+            node: NodeId(0),
+            epoch: Epoch(0),
+            tile: TileId(0),
+            attempt: Attempt(0),
+            accepted: true,
+            // Below 2¹⁷: references are at most 2³².
+            parts: 0..word_count.div_ceil(PART_WORDS as u64) as u32,
+        };
+        let record_words: Vec<u32> = match &contents {
+            Contents::Bytes(extents) => extents.iter().map(|extent| extent.words()).collect(),
+            Contents::Objects { ids, .. } => vec![1; ids.len()],
+        };
+        let mut sizes = record_words.clone();
+        sizes.sort_unstable();
+        sizes.dedup();
+        let kinds = record_words.iter().map(|words| sizes.partition_point(|size| size < words) as u32).collect();
+        let table = contents.lines(line_bytes_min)?;
+        let tables = Mutex::new(BTreeMap::from([(contents.table_of(line_bytes_min), table)]));
+        Ok(Self { tile: [tile], words, word_count, notes, kinds, sizes, contents, line_bytes_min, tables })
+    }
+
+    /// Where records lie, for lines of so many bytes: a power of two, no less than what the trace was imported for.
+    /// Objects are lines, whatever these have.
+    ///
+    /// # Panics
+    /// Lines are shorter.
     pub fn lines(&self, line_bytes: u32) -> TableLines {
-        self.table.with_line(line_bytes)
+        let shortest = self.line_bytes_min;
+        assert!(
+            self.is_of_objects() || line_bytes >= shortest,
+            "lines of {line_bytes} bytes of a trace imported for {shortest} or more"
+        );
+        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        let lines = || self.contents.lines(line_bytes).unwrap_or_else(|_| unreachable!("longer lines are fewer"));
+        tables.entry(self.contents.table_of(line_bytes)).or_insert_with(lines).clone()
     }
 
-    /// Of all different granules of 256 bytes that are referenced. An object counts as one of these.
-    pub fn database_bytes(&self) -> u64 {
-        self.table.database_bytes()
+    /// Of all different lines of so many bytes that are referenced; objects have that many bytes each.
+    pub fn database_bytes(&self, line_bytes: u32) -> u64 {
+        u64::from(self.lines(line_bytes).count()) * u64::from(line_bytes)
     }
 
-    pub fn references(&self) -> u64 {
-        self.references
+    /// What was counted as the trace was read.
+    pub fn notes(&self) -> Notes {
+        self.notes
+    }
+
+    /// A record's first byte and how many it has; an object has one. What lies within 16 bytes at a multiple of 16 begins there.
+    ///
+    /// # Panics
+    /// There is no such record.
+    pub fn extent(&self, record: u32) -> (u64, u32) {
+        match &self.contents {
+            Contents::Bytes(extents) => (extents[record as usize].address(), extents[record as usize].bytes()),
+            Contents::Objects { .. } => (0, 1),
+        }
+    }
+
+    pub fn is_of_objects(&self) -> bool {
+        matches!(self.contents, Contents::Objects { .. })
+    }
+
+    /// Of an object, as it was first referenced; of a trace of bytes, those of the record.
+    ///
+    /// # Panics
+    /// There is no such record.
+    pub fn object_bytes(&self, record: u32) -> u64 {
+        match &self.contents {
+            Contents::Bytes(extents) => u64::from(extents[record as usize].bytes()),
+            Contents::Objects { bytes, .. } => bytes[record as usize],
+        }
+    }
+
+    /// Of all different objects together; `None` for a trace of bytes, whose footprint depends on its lines.
+    pub fn objects_bytes(&self) -> Option<u128> {
+        match &self.contents {
+            Contents::Bytes(_) => None,
+            Contents::Objects { bytes, .. } => Some(bytes.iter().map(|&bytes| u128::from(bytes)).sum()),
+        }
     }
 
     /// Records of the same number of 32-bit words are of one kind.
@@ -53,14 +154,31 @@ impl Imported {
         self.kinds[record as usize] as usize
     }
 
-    /// By kind: 32-bit words, begun ones too. What has no size is within one.
+    /// By kind: 32-bit words, begun ones too. An object is one.
     pub fn record_words(&self) -> &[u32] {
         &self.sizes
     }
 
-    /// How many different pairs of address and size there are.
+    /// How many different pairs of address and size there are, or objects.
     pub fn records(&self) -> u32 {
-        self.table.records()
+        self.kinds.len() as u32
+    }
+}
+
+impl Contents {
+    /// Which table serves lines of so many bytes.
+    fn table_of(&self, line_bytes: u32) -> u32 {
+        match self {
+            Self::Bytes(_) => line_bytes,
+            Self::Objects { .. } => 0,
+        }
+    }
+
+    fn lines(&self, line_bytes: u32) -> Result<TableLines, String> {
+        match self {
+            Self::Bytes(extents) => TableLines::of_extents(extents, line_bytes),
+            Self::Objects { ids, .. } => Ok(TableLines::of_objects(ids.clone())),
+        }
     }
 }
 
@@ -71,108 +189,13 @@ impl Trace for Imported {
 
     fn read(&self, part: u32, words: &mut Vec<u32>) -> Result<(), TraceError> {
         let first = u64::from(part) * PART_WORDS as u64;
-        if first >= self.references {
+        if first >= self.word_count {
             return Err(TraceError(format!("there is no part {part}")));
         }
-        let count = (self.references - first).min(PART_WORDS as u64) as usize;
+        let count = (self.word_count - first).min(PART_WORDS as u64) as usize;
         words.clear();
         words.resize(count, 0);
         let read = self.words.read_exact_at(bytemuck::cast_slice_mut(words), first * size_of::<u32>() as u64);
         read.map_err(|error| TraceError(format!("the imported trace's temporary file: {error}")))
     }
-}
-
-/// Collects references into an [`Imported`].
-pub(super) struct Builder {
-    unit: Unit,
-    /// By extent, its record's number.
-    numbers: HashMap<Extent, u32>,
-    records: Vec<Extent>,
-    /// Of the part that is not full yet.
-    part: Vec<u32>,
-    words: File,
-    references: u64,
-    pub(super) writes: u64,
-    pub(super) left_out: u64,
-}
-
-impl Builder {
-    pub(super) fn new(unit: Unit) -> Result<Self, String> {
-        Ok(Self {
-            unit,
-            numbers: HashMap::new(),
-            records: Vec::new(),
-            part: Vec::with_capacity(PART_WORDS),
-            words: tempfile::tempfile().map_err(|error| temporary(&error))?,
-            references: 0,
-            writes: 0,
-            left_out: 0,
-        })
-    }
-
-    /// Appends a reference.
-    ///
-    /// # Errors
-    /// What is wrong with it, and what was expected.
-    pub(super) fn reference(&mut self, address: u64, bytes: u32) -> Result<(), String> {
-        let extent = Extent::new(address, bytes)?;
-        let record = match self.numbers.entry(extent) {
-            Entry::Occupied(known) => *known.get(),
-            Entry::Vacant(new) => {
-                let number = self.records.len() as u32;
-                if !ReferenceWord::read(number).is_read() {
-                    return Err(format!("more than {number} different addresses and sizes, expected fewer"));
-                }
-                self.records.push(extent);
-                *new.insert(number)
-            }
-        };
-        self.part.push(ReferenceWord::read(record).0);
-        self.references += 1;
-        if self.part.len() == PART_WORDS { self.keep_part() } else { Ok(()) }
-    }
-
-    /// # Errors
-    /// There are no references, or they are to more than can be addressed.
-    pub(super) fn finish(mut self) -> Result<Imported, String> {
-        if self.references == 0 {
-            return Err("no references, expected at least one".to_owned());
-        }
-        self.keep_part()?;
-        let parts = u32::try_from(self.references.div_ceil(PART_WORDS as u64));
-        let parts = parts.map_err(|_| format!("{} references, expected fewer", self.references))?;
-        let tile = TracedTile {
-            node: NodeId(0),
-            epoch: Epoch(0),
-            tile: TileId(0),
-            attempt: Attempt(0),
-            accepted: true,
-            parts: 0..parts,
-        };
-        let mut sizes: Vec<u32> = self.records.iter().map(|record| record.words()).collect();
-        sizes.sort_unstable();
-        sizes.dedup();
-        let kind = |record: &Extent| sizes.partition_point(|&words| words < record.words()) as u32;
-        let kinds = self.records.iter().map(kind).collect();
-        Ok(Imported {
-            tile: [tile],
-            words: self.words,
-            references: self.references,
-            writes: self.writes,
-            left_out: self.left_out,
-            kinds,
-            sizes,
-            table: TableLines::new(&self.records, self.unit)?,
-        })
-    }
-
-    fn keep_part(&mut self) -> Result<(), String> {
-        self.words.write_all(bytemuck::cast_slice(&self.part)).map_err(|error| temporary(&error))?;
-        self.part.clear();
-        Ok(())
-    }
-}
-
-fn temporary(error: &io::Error) -> String {
-    format!("a temporary file for its references: {error}")
 }

@@ -28,7 +28,7 @@ impl<'a, R: BufRead> TextFile<'a, R> {
         self.number += 1;
         self.line.clear();
         let read = self.input.by_ref().take(LINE_BYTES_MAX as u64).read_until(b'\n', &mut self.line);
-        read.map_err(|error| SourceError::new(self.file, None, error.to_string()))?;
+        read.map_err(|error| self.error(0, error.to_string()))?;
         if self.line.is_empty() {
             return Ok(false);
         }
@@ -75,4 +75,15 @@ pub(super) fn number(digits: &[u8], radix: u32) -> Option<u64> {
 /// What is after `0x`.
 pub(super) fn hexadecimal(bytes: &[u8]) -> Option<&[u8]> {
     bytes.strip_prefix(b"0x").or_else(|| bytes.strip_prefix(b"0X"))
+}
+
+/// Where words start that are apart by blanks, and they.
+pub(super) fn words(line: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    let start = |word: &[u8]| word.as_ptr() as usize - line.as_ptr() as usize;
+    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).map(move |word| (start(word), word))
+}
+
+/// Decimal, or hexadecimal after `0x`.
+pub(super) fn unsigned(bytes: &[u8]) -> Option<u64> {
+    hexadecimal(bytes).map_or_else(|| number(bytes, 10), |digits| number(digits, 16))
 }

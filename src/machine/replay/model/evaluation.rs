@@ -11,6 +11,7 @@ use crate::replay::model::miss_classes::{MissClasses, classify};
 use crate::replay::model::node::replay_node;
 use crate::replay::model::optimal::optimal;
 use crate::replay::model::replayer::{Counters, Sum};
+use crate::replay::model::writes::{WriteColumns, WriteCounts, Writing, count_writes};
 use crate::replay::plan::schedule::{TileSchedule, TileSchedules};
 use crate::replay::plan::setting::{Assignment, Policy, Setting};
 use crate::replay::stream::subject::Subject;
@@ -26,6 +27,9 @@ pub struct Row {
     pub memory: MemoryShape,
     #[serde(flatten)]
     pub counts: Counts,
+    /// `None` for a trace that has nothing but reads.
+    #[serde(flatten)]
+    pub writes: Option<WriteColumns>,
     pub misses_per_record_access: f64,
     pub words_moved_per_word_read: f64,
     /// The misses, divided; `None` where that was not asked for, or the assignment is not known beforehand.
@@ -60,6 +64,8 @@ pub struct Evaluation {
     pub classes: bool,
     /// Why nothing is exact.
     pub damage: Option<String>,
+    /// How memories write: of traces that came from elsewhere.
+    pub writing: Writing,
 }
 
 /// A part of the work.
@@ -74,6 +80,7 @@ enum Job {
 struct Done {
     setting: usize,
     totals: Counters,
+    writes: Option<WriteCounts>,
     timing: Option<Timing>,
 }
 
@@ -107,28 +114,31 @@ pub fn evaluate<S: Subject>(
         let done = match job {
             Job::Count(i, node) => {
                 let processes = &schedules.of(i).nodes[node];
-                let totals = count(subject, processes, settings[i].replacement, geometries[i]);
-                totals.map(|totals| Done { setting: i, totals, timing: None })
+                let counted = count(subject, processes, settings[i].replacement, geometries[i], evaluation.writing);
+                counted.map(|(totals, writes)| Done { setting: i, totals, writes, timing: None })
             }
             Job::Time(i) => {
                 let timed = simulate_setting(subject, &settings[i], geometries[i]);
-                timed.map(|(timing, totals)| Done { setting: i, totals, timing: Some(timing) })
+                timed.map(|(timing, totals)| Done { setting: i, totals, writes: None, timing: Some(timing) })
             }
         };
         tick(jobs.len());
         done
     });
-    let mut sums = vec![(Counters::default(), None); settings.len()];
+    let mut sums = vec![(Counters::default(), None, None); settings.len()];
     for done in done {
-        let Done { setting, totals, timing } = done?;
+        let Done { setting, totals, writes, timing } = done?;
         sums[setting].0.add(&totals);
-        sums[setting].1 = timing;
+        (sums[setting].1, sums[setting].2) = (writes, timing);
     }
     let rows = settings.iter().zip(&geometries).zip(sums);
     let row = |((setting, geometry), sum): ((&Setting, &Geometry), _)| {
         Row::new(*setting, *geometry, sum, words_read, is_whole, evaluation)
     };
     let mut rows: Vec<Row> = rows.map(row).collect();
+    if subject.with_writes().is_some() {
+        rows.iter_mut().for_each(|row| _ = row.writes.get_or_insert_default());
+    }
     if evaluation.classes {
         divide_misses(subject, &schedules, &geometries, &mut rows)?;
     }
@@ -182,12 +192,15 @@ impl Row {
     fn new(
         setting: Setting,
         geometry: Geometry,
-        (totals, timing): (Counters, Option<Timing>),
+        (totals, writes, timing): (Counters, Option<WriteCounts>, Option<Timing>),
         words_read: u64,
         is_whole: bool,
         evaluation: &Evaluation,
     ) -> Self {
-        let counts = Counts::new(&totals, words_read, geometry.line_bytes);
+        let mut counts = Counts::new(&totals, words_read, geometry.line_bytes);
+        if let Some(writes) = writes {
+            counts.words_moved = writes.lines_fetched * u64::from(geometry.line_bytes / 4);
+        }
         let reason = evaluation.damage.clone().or_else(|| match setting.assignment {
             Assignment::Recorded => None,
             Assignment::OnDemand => Some(ON_DEMAND.to_owned()),
@@ -197,6 +210,7 @@ impl Row {
             setting,
             memory: geometry.into(),
             counts,
+            writes: writes.map(WriteColumns::from),
             misses_per_record_access: ratio(counts.misses, counts.record_accesses),
             words_moved_per_word_read: ratio(counts.words_moved, words_read),
             compulsory_misses: None,
@@ -218,21 +232,26 @@ fn count<S: Subject>(
     processes: &[Vec<u32>],
     policy: Policy,
     geometry: Geometry,
-) -> Result<Counters, TraceError> {
+    writing: Writing,
+) -> Result<(Counters, Option<WriteCounts>), TraceError> {
+    if let (Some(trace), Some(replacement)) = (subject.with_writes(), policy.replacement()) {
+        let (totals, writes) = count_writes(trace, geometry, replacement, writing)?;
+        return Ok((totals, Some(writes)));
+    }
     if policy == Policy::Optimal {
         let lines = subject.lines(geometry.line_bytes);
         let mut totals = Counters::default();
         for tiles in processes {
             optimal(subject, tiles, &lines, &[geometry])?.iter().for_each(|counted| totals.add(counted));
         }
-        return Ok(totals);
+        return Ok((totals, None));
     }
     let mut sum = Sum::new(subject);
     replay_node(subject, processes, policy, geometry, &mut sum)?;
-    Ok(sum.finish())
+    Ok((sum.finish(), None))
 }
 
-/// 32-bit words of all records read in accepted tiles.
+/// 32-bit words of all records read or written in accepted tiles.
 fn words_read<S: Subject>(subject: &S) -> Result<u64, TraceError> {
     let record_words = subject.record_words();
     let accepted: Vec<_> = subject.tiles().iter().filter(|tile| tile.accepted).collect();
@@ -241,10 +260,8 @@ fn words_read<S: Subject>(subject: &S) -> Result<u64, TraceError> {
         let mut reads = vec![0u64; record_words.len()];
         for part in tile.parts.clone() {
             subject.read(part, &mut words)?;
-            words
-                .iter()
-                .filter(|&&word| ReferenceWord(word).is_read())
-                .for_each(|&record| reads[subject.kind(record)] += 1);
+            let records = words.iter().filter_map(|&word| ReferenceWord(word).record());
+            records.for_each(|record| reads[subject.kind(record)] += 1);
         }
         Ok(reads.iter().zip(&record_words).map(|(reads, &words)| reads * u64::from(words)).sum::<u64>())
     });

@@ -20,7 +20,7 @@ pub fn replay_node<S: Subject>(
     tally: &mut impl Tally,
 ) -> Result<(), TraceError> {
     let Some(replacement) = policy.replacement() else {
-        return Err(TraceError("optimal replacement only counts: expected lru, fifo, clock or random".to_owned()));
+        return Err(TraceError("optimal replacement only counts: expected another policy".to_owned()));
     };
     with_policy!(replacement, R => through::<R, _>(subject, processes, geometry, tally))
 }

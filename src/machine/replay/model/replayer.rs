@@ -6,6 +6,7 @@ use crate::hardware::replacement::Replacement;
 pub use crate::hardware::stats::Counters;
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
 use crate::replay::stream::placement::Placement;
+use crate::replay::stream::reads::not_read;
 use crate::replay::{Lines, Trace, TraceError};
 use trace::tracer::RayKind;
 
@@ -25,7 +26,7 @@ pub struct Replayer<'a, R, L> {
     placement: Placement,
     directory: Directory<R>,
     /// The line of the last reference, if that was a hit. By the contract of [`Replacement`] hitting it again at once changes
-    /// nothing, so that the policy is not called.
+    /// nothing, so that the policy is not called unless it says that repeated hits count.
     hit_last: u32,
     words: Vec<u32>,
 }
@@ -89,15 +90,15 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
                     let missing = self.reference(first, count);
                     tally.read(word, count, missing);
                 } else {
-                    mark(word, tally)?;
+                    self.other(word, tally)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Replays words up to and with the first read that misses. Returns how many words that were, and of the read how
-    /// many lines were missing; 0 when no read of `words` missed.
+    /// Replays words up to and with the first read, or write, that misses. Returns how many words that were, and of it how many
+    /// lines were missing; 0 when nothing of `words` missed.
     ///
     /// # Errors
     /// As of [`Self::words`].
@@ -111,10 +112,35 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
                     return Ok((i + 1, missing));
                 }
             } else {
-                mark(word, tally)?;
+                let missing = self.other(word, tally)?;
+                if missing > 0 {
+                    return Ok((i + 1, missing));
+                }
             }
         }
         Ok((words.len(), 0))
+    }
+
+    /// Replays a word that is no read. Returns how many lines were missing.
+    #[inline(always)]
+    fn other(&mut self, word: u32, tally: &mut impl Tally) -> Result<u32, TraceError> {
+        if let Some(Event::Ray(kind)) = ReferenceWord(word).decode() {
+            tally.ray(kind);
+            return Ok(0);
+        }
+        self.imported(word, tally)
+    }
+
+    /// Replays a word that only traces from elsewhere have: a write is a reference as a read is.
+    #[cold]
+    #[inline(never)]
+    fn imported(&mut self, word: u32, tally: &mut impl Tally) -> Result<u32, TraceError> {
+        let (Some((first, count)), Some(record)) = (not_read(word, self.lines)?, ReferenceWord(word).record()) else {
+            return Ok(0);
+        };
+        let missing = self.reference(first, count);
+        tally.read(record, count, missing);
+        Ok(missing)
     }
 
     /// References lines in ascending order; returns how many were missing.
@@ -129,7 +155,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// References a line: 1 if it was missing, else 0.
     #[inline(always)]
     fn misses(&mut self, line: u32) -> u32 {
-        if line == self.hit_last {
+        if !R::REPEATED_HITS_COUNT && line == self.hit_last {
             return 0;
         }
         match self.directory.slot(line) {
@@ -151,16 +177,6 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
         self.directory.miss(line, self.placement.set(line, self.lines));
         self.hit_last = NO_LINE;
     }
-}
-
-/// Counts a word that is no read.
-fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
-    match ReferenceWord(word).decode() {
-        Some(Event::Ray(kind)) => tally.ray(kind),
-        Some(Event::Read(_)) => {}
-        None => return Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
-    }
-    Ok(())
 }
 
 /// Sums [`Counters`], all kinds and sections together; what belongs to tiles that were not accepted is left out.

@@ -13,8 +13,18 @@ use crate::tile_order::TileOrder;
 pub enum Policy {
     Lru,
     Fifo,
+    #[value(alias = "clock:1")]
     Clock,
+    #[value(name = "clock:0")]
+    #[serde(rename = "clock:0")]
+    Clock0,
     Random,
+    Srrip,
+    Sieve,
+    #[value(name = "s3-fifo")]
+    #[serde(rename = "s3-fifo")]
+    S3Fifo,
+    Plru,
     /// The line that is not needed for the longest time to come: the bound of all policies.
     Optimal,
 }
@@ -26,6 +36,11 @@ impl From<specification::Replacement> for Policy {
             specification::Replacement::Fifo => Self::Fifo,
             specification::Replacement::Clock => Self::Clock,
             specification::Replacement::Random => Self::Random,
+            specification::Replacement::Clock0 => Self::Clock0,
+            specification::Replacement::Srrip => Self::Srrip,
+            specification::Replacement::Sieve => Self::Sieve,
+            specification::Replacement::S3Fifo => Self::S3Fifo,
+            specification::Replacement::Plru => Self::Plru,
         }
     }
 }
@@ -37,9 +52,21 @@ impl Policy {
             Self::Lru => Some(specification::Replacement::Lru),
             Self::Fifo => Some(specification::Replacement::Fifo),
             Self::Clock => Some(specification::Replacement::Clock),
+            Self::Clock0 => Some(specification::Replacement::Clock0),
             Self::Random => Some(specification::Replacement::Random),
+            Self::Srrip => Some(specification::Replacement::Srrip),
+            Self::Sieve => Some(specification::Replacement::Sieve),
+            Self::S3Fifo => Some(specification::Replacement::S3Fifo),
+            Self::Plru => Some(specification::Replacement::Plru),
             Self::Optimal => None,
         }
+    }
+}
+
+/// As it is typed.
+impl fmt::Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -184,6 +211,31 @@ impl fmt::Display for ArbiterName {
             Arbiter::RoundRobin { quantum: 1 } => f.write_str("round_robin"),
             Arbiter::RoundRobin { quantum } => write!(f, "round_robin:{quantum}"),
             Arbiter::FixedPriority => f.write_str("fixed_priority"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum;
+
+    use super::*;
+
+    #[test]
+    fn policies_are_spelled_the_same_everywhere() {
+        for policy in Policy::value_variants() {
+            let typed = policy.to_possible_value().expect("none is hidden");
+            assert_eq!(typed.get_name(), policy.to_string());
+            let Some(replacement) = policy.replacement() else {
+                assert_eq!(*policy, Policy::Optimal);
+                continue;
+            };
+            assert_eq!(replacement.to_string(), policy.to_string());
+            assert_eq!(Policy::from(replacement), *policy);
+            for name in typed.get_name_and_aliases() {
+                let read: specification::Replacement = serde_json::from_value(name.into()).expect("a topology's word");
+                assert_eq!(read, replacement, "{name}");
+            }
         }
     }
 }

@@ -126,6 +126,7 @@ pub(crate) mod tests {
                             reads += 1;
                             assert!(record < records);
                         }
+                        other => panic!("{other:?} of a tracer"),
                     }
                 }
             }

@@ -1,13 +1,14 @@
 //! The reads of a stream as what memories see: lines.
 
-use crate::hardware::references::ReferenceWord;
+use crate::hardware::references::{Event, ReferenceWord};
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
 use crate::replay::{Lines, TraceError};
 
-/// Gives each record that is read to `each`: its first line, and how many lines it lies in.
+/// Gives each record that is read or written to `each`: its first line, and how many lines it lies in.
 ///
 /// # Errors
-/// A word of a kind that this version does not know, or a record that lies outside of all lines.
+/// A word of a kind that this version does not know, a record that lies outside of all lines, or an invalidation: what is
+/// counted of all memories at once knows none.
 #[inline(always)]
 pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32)) -> Result<(), TraceError> {
     let end = lines.count();
@@ -20,12 +21,32 @@ pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32
                     return Err(TraceError(format!("there is no record {word}")));
                 }
                 each(first, count);
-            } else if ReferenceWord(word).decode().is_none() {
-                return Err(TraceError(format!("{word:#010x} is no word that this version knows")));
+            } else if let Some((first, count)) = not_read(word, lines)? {
+                each(first, count);
             }
         }
     }
     Ok(())
+}
+
+/// The lines that a word which is no read references all the same.
+#[cold]
+#[inline(never)]
+pub fn not_read(word: u32, lines: &impl Lines) -> Result<Option<(u32, u32)>, TraceError> {
+    match ReferenceWord(word).decode() {
+        Some(Event::Write(record)) => {
+            let (first, count) = lines.of(record);
+            if first >= lines.count() || count > lines.count() - first {
+                return Err(TraceError(format!("there is no record {record}")));
+            }
+            Ok(Some((first, count)))
+        }
+        Some(Event::Read(_) | Event::Ray(_) | Event::CopyBack(_) | Event::CopyBackAll) => Ok(None),
+        Some(Event::Invalidate(_) | Event::InvalidateAll) => {
+            Err(TraceError("a trace with invalidations, expected one without".to_owned()))
+        }
+        None => Err(TraceError(format!("{word:#010x} is no word that this version knows"))),
+    }
 }
 
 #[cfg(test)]
@@ -87,8 +108,14 @@ pub(in crate::replay) mod tests {
         assert!(read(5).is_err() && read(7).is_err() && read(6).is_ok());
         assert!(read(1_000_000).is_err());
         assert_eq!(read(ReferenceWord::ray(RayKind::Shadow).0), Ok(()));
-        for unknown in [1 << 30, 2 << 30 | 7, 3 << 30 | 4, 3 << 30 | 1 << 24] {
+        assert_eq!(read(ReferenceWord::copy_back(1).0), Ok(()));
+        for unknown in [2 << 30 | 7, 3 << 30 | 4, 3 << 30 | 3 << 24, ReferenceWord::write(5).0] {
             assert!(read(unknown).is_err(), "{unknown:#x}");
         }
+        let mut written = Vec::new();
+        let words = [ReferenceWord::write(0).0, ReferenceWord::write(2).0];
+        let lines = &Overlapping { lines: 4 };
+        for_each(&words, lines, |first, count| written.push((first, count))).expect("writes");
+        assert_eq!(written, [(0, 1), (1, 3)]);
     }
 }

@@ -1,11 +1,11 @@
 //! What can be put through other machines: a trace whose records have a place in an image.
 
-use crate::hardware::local_memory::{Geometry, GeometryError, LINE_BYTES_MAX};
+use crate::hardware::local_memory::{Geometry, GeometryError};
 use crate::hardware::references::RecordNumbers;
 use crate::hardware::specification::{LocalMemory, Processor};
 use crate::recording::references::Recording;
 use crate::replay::contention::ReadCycles;
-use crate::replay::importers::{Imported, TableLines};
+use crate::replay::importers::{Imported, LINE_BYTES_MAX, TableLines};
 use crate::replay::{Lines, RecordLines, Trace};
 use crate::tile_order;
 use crate::tile_order::TileOrder;
@@ -43,6 +43,11 @@ pub trait Subject: Trace {
 
     /// Seeds random replacement.
     fn seed(&self) -> u64;
+
+    /// The trace, if it has something else than reads.
+    fn with_writes(&self) -> Option<&Imported> {
+        None
+    }
 }
 
 /// A trace of the records of a database.
@@ -122,7 +127,9 @@ impl Subject for Imported {
     }
 
     fn geometry(&self, memory: &LocalMemory) -> Result<Geometry, GeometryError> {
-        Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        if !self.is_of_objects() {
+            Geometry::check_line(memory.line, LINE_BYTES_MAX)?;
+        }
         Geometry::of_lines(memory, self.lines(memory.line).count())
     }
 
@@ -149,5 +156,10 @@ impl Subject for Imported {
 
     fn seed(&self) -> u64 {
         1
+    }
+
+    fn with_writes(&self) -> Option<&Imported> {
+        let notes = self.notes();
+        (notes.writes + notes.copy_backs + notes.invalidations > 0).then_some(self)
     }
 }

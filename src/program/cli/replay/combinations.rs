@@ -98,6 +98,12 @@ struct Rule {
 
 const BOTH: [bool; 2] = [true, true];
 const RECORDING: [bool; 2] = [true, false];
+const TRACE: [bool; 2] = [false, true];
+
+/// How a trace is read.
+const INPUT: [Takes; 9] = [One, One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing];
+/// How a memory writes.
+const WRITING: [Takes; 9] = [One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing];
 
 const fn rule(option: &'static str, takes: [Takes; Question::ALL.len()], of: [bool; 2]) -> Rule {
     Rule { option, takes, of }
@@ -111,7 +117,7 @@ const TILES: [Takes; 9] = [List, List, One, One, One, One, One, One, Nothing];
 const TIMES: [Takes; 9] = [List, Nothing, One, Nothing, Nothing, Nothing, Nothing, One, Nothing];
 
 #[rustfmt::skip]
-const RULES: [Rule; 26] = [
+const RULES: [Rule; 37] = [
     rule("local-memory", MEMORY, BOTH),
     rule("line", [List, List, One, One, One, One, Nothing, One, Nothing], BOTH),
     rule("ways", MEMORY, BOTH),
@@ -133,6 +139,17 @@ const RULES: [Rule; 26] = [
     rule("timings", [One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing], RECORDING),
     rule("verify", [Nothing, One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing], BOTH),
     rule("node", [Nothing, Nothing, Nothing, Nothing, Nothing, One, One, Nothing, Nothing], RECORDING),
+    rule("import", INPUT, TRACE),
+    rule("ignore-object-size", INPUT, TRACE),
+    rule("csv-address", INPUT, TRACE),
+    rule("csv-id", INPUT, TRACE),
+    rule("csv-size", INPUT, TRACE),
+    rule("csv-operation", INPUT, TRACE),
+    rule("csv-address-unit", INPUT, TRACE),
+    rule("csv-separator", INPUT, TRACE),
+    rule("csv-header", INPUT, TRACE),
+    rule("write-policy", WRITING, TRACE),
+    rule("write-allocate", WRITING, TRACE),
     rule("format", [One, One, One, One, Nothing, Nothing, Nothing, Nothing, One], BOTH),
     rule("output", [Nothing, Nothing, Nothing, Nothing, One, One, One, One, Nothing], RECORDING),
     rule("partial", [One; 9], RECORDING),
@@ -212,6 +229,15 @@ fn one_of(names: &[&str]) -> String {
     }
 }
 
+/// Whether an option has an effect on a trace, or on nothing else.
+fn of_trace(of: [bool; 2]) -> &'static str {
+    match of {
+        [false, true] => "only",
+        [_, true] => "yes",
+        [_, false] => "",
+    }
+}
+
 /// The table of docs/replay.md.
 #[cfg(test)]
 fn table() -> String {
@@ -224,7 +250,7 @@ fn table() -> String {
             List => "list",
         };
         let cells = takes.iter().map(cell).collect::<Vec<_>>().join(" | ");
-        let _ = writeln!(out, "| `--{option}` | {cells} | {} |", if of[Subject::Trace as usize] { "yes" } else { "" });
+        let _ = writeln!(out, "| `--{option}` | {cells} | {} |", of_trace(*of));
     }
     out
 }
@@ -234,7 +260,7 @@ pub(super) fn help() -> String {
     let mut out =
         "Which option combines with which question (1: one value, +: a list; any other is refused):\n\n".to_owned();
     let heads = ["counts", "curve", "contend", "origins", "heat", "din,lcs", "csv,json", "bus", "to-bus", "trace"];
-    let _ = writeln!(out, "  {:<17}{}", "", heads.map(|head| format!("{head:>8}")).concat());
+    let _ = writeln!(out, "  {:<20}{}", "", heads.map(|head| format!("{head:>8}")).concat());
     for Rule { option, takes, of } in &RULES {
         let cell = |takes: &Takes| match takes {
             Nothing => "",
@@ -242,8 +268,8 @@ pub(super) fn help() -> String {
             List => "+",
         };
         let cells: String = takes.iter().map(|takes| format!("{:>8}", cell(takes))).collect();
-        let trace = if of[Subject::Trace as usize] { "yes" } else { "" };
-        let _ = writeln!(out, "{}", format!("  --{option:<15}{cells}{trace:>8}").trim_end());
+        let trace = of_trace(*of);
+        let _ = writeln!(out, "{}", format!("  --{option:<18}{cells}{trace:>8}").trim_end());
     }
     out
 }

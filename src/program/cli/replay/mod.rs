@@ -4,25 +4,28 @@ mod combinations;
 mod contention;
 mod curve;
 mod export;
+mod import;
+mod objects;
 mod origins;
 mod to_bus;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use self::combinations::{Given, Question, Subject};
 use self::export::Export;
+use self::import::ImportArguments;
 use self::origins::HeatMap;
 use self::to_bus::ToBus;
-use super::grid_options::{GridOptions, OF_RECORDINGS, SETTINGS, TIMES};
+use super::grid_options::{GridOptions, OF_LINES_AND_RECORDINGS, OF_RECORDINGS, SETTINGS, TIMES};
 use super::table::{Format, Table};
 use super::{Failure, output_path, print};
 use cluster::topology::recorded::open_references;
 use ground::outlet;
 use ground::progress::Parts;
+use machine::hardware::local_memory::{Geometry, LINE_BYTES_MAX};
 use machine::recording::references::Opened;
-use machine::replay::importers::{self, Imported};
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
 use machine::replay::plan::setting::{Assignment, Setting};
 use machine::replay::stream::subject;
@@ -37,12 +40,14 @@ pub struct ReplayArguments {
     // First: the other fields take their options away.
     #[command(flatten)]
     given: Given,
-    /// Folder of a run with `--record references`; or a trace of others: a file ending in .din, .csv or .oracleGeneral
+    /// Folder of a run with `--record references`; or a trace of others: a file, or - for standard input
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
     #[command(flatten)]
     asked: Asked,
+    #[command(flatten)]
+    import: ImportArguments,
     #[command(flatten)]
     to_bus: ToBus,
     /// How tables are printed
@@ -127,13 +132,14 @@ impl ReplayArguments {
 }
 
 pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
-    let subject = if arguments.recording.is_file() { Subject::Trace } else { Subject::Recording };
+    let is_trace = arguments.import.is_of(&arguments.recording);
+    let subject = if is_trace { Subject::Trace } else { Subject::Recording };
     let question = arguments.asked.question(&arguments.to_bus);
     arguments.given.check(question, subject)?;
     arguments.check_output()?;
     match (question, subject) {
         (Question::ToBus, _) => arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format),
-        (_, Subject::Trace) => replay_trace(arguments, &import(&arguments.recording)?),
+        (_, Subject::Trace) => replay_trace(arguments),
         (_, Subject::Recording) => replay_recording(arguments, question),
     }
 }
@@ -148,6 +154,7 @@ fn replay_recording(arguments: &ReplayArguments, question: Question) -> Result<(
         grid.nodes = contention::NODES.to_vec();
     }
     let settings = grid.settings(recorded).map_err(Failure::bad_input)?;
+    check_lines(&settings)?;
     let (Asked { heat_map, export, node, .. }, format) = (&arguments.asked, arguments.format);
     match (question, heat_map, export, &arguments.output) {
         (Question::Origins, ..) => origins::print_origins(&recording, &settings, format)?,
@@ -158,33 +165,23 @@ fn replay_recording(arguments: &ReplayArguments, question: Question) -> Result<(
     print_approximate(damage.as_deref(), format)
 }
 
-/// What a trace without tiles and rays can answer.
-fn replay_trace(arguments: &ReplayArguments, imported: &Imported) -> Result<(), Failure> {
-    let settings = arguments.grid.grid().settings(Setting::imported()).map_err(Failure::bad_input)?;
-    arguments.print(imported, &settings, None, &OF_RECORDINGS)
+/// Recordings have lines of as many bytes as live memories.
+fn check_lines(settings: &[Setting]) -> Result<(), Failure> {
+    let checked = settings.iter().try_for_each(|setting| Geometry::check_line(setting.line, LINE_BYTES_MAX));
+    checked.map_err(|error| Failure::bad_input(format!("--line: {error}")))
 }
 
-fn import(path: &Path) -> Result<Imported, Failure> {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    let imported = match extension.as_deref() {
-        Some("din") => importers::import(path, importers::din::read),
-        Some("csv") => importers::import(path, importers::csv::read),
-        Some("oraclegeneral") => importers::import(path, importers::oracle_general::read),
-        _ => {
-            return Err(Failure::bad_input(format!(
-                "{}: expected the folder of a run, or a file ending in .din, .csv or .oracleGeneral",
-                path.display()
-            )));
+/// What a trace without tiles and rays can answer.
+fn replay_trace(arguments: &ReplayArguments) -> Result<(), Failure> {
+    let mut settings = arguments.grid.grid().settings(Setting::imported()).map_err(Failure::bad_input)?;
+    let imported = arguments.import.import(&arguments.recording, &mut settings, &arguments.given)?;
+    match imported.is_of_objects() {
+        true if !arguments.import.ignores_object_sizes() => {
+            objects::print_objects(&imported, &settings, &arguments.given, arguments.format)
         }
-    };
-    let imported = imported?;
-    if imported.writes > 0 {
-        outlet::say(format_args!("note: {} writes count as reads", imported.writes));
+        true => arguments.print(&imported, &settings, None, &OF_LINES_AND_RECORDINGS),
+        false => arguments.print(&imported, &settings, None, &OF_RECORDINGS),
     }
-    if imported.left_out > 0 {
-        outlet::say(format_args!("note: {} references to nothing, of size 0, are left out", imported.left_out));
-    }
-    Ok(imported)
 }
 
 impl ReplayArguments {
@@ -204,7 +201,8 @@ impl ReplayArguments {
             contention::print_contention(subject, settings, self.format)?;
             return print_approximate(damage.as_deref(), self.format);
         }
-        let evaluation = Evaluation { timings: timings || self.grid.varies_times(), classes, damage };
+        let writing = self.import.writing();
+        let evaluation = Evaluation { timings: timings || self.grid.varies_times(), classes, damage, writing };
         let parts = Parts::new("nodes");
         let rows = evaluate(subject, settings, &evaluation, |all| parts.done(all));
         parts.clear();

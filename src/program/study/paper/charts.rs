@@ -1,28 +1,27 @@
 //! The study as charts.
 
-use super::{GEARS, LINES, Paper, PaperScene, TEAPOT};
+use super::{GEARS, LINE, Paper, PaperScene, TEAPOT, Unit};
 use crate::study::figures::conditions::octree;
-use crate::study::figures::ratio::Ratio;
 use crate::study::figures::traffic::Traffic;
 use crate::study::page::charts::{self, curve, most, shares};
 use crate::study::page::plot::{Axis, Chart, Series, Style};
 use crate::study::page::{Figure, Page};
 use crate::study::published;
-use trace::tracer::octree::Octree;
+use trace::scene::procedural::Board;
 
 /// Charts, then all tables.
 pub fn page(paper: &Paper) -> Page {
     let mut figures = vec![figure1(paper)];
     figures.extend([&GEARS, &TEAPOT].map(|scene| traffic(paper, scene)));
-    figures.extend([&GEARS, &TEAPOT].map(|scene| table1(paper, scene)));
+    figures.extend([0, 1].map(|scene| table1(paper, scene)));
     figures.push(curves(paper));
     figures.extend(paper.contention.iter().map(charts::contention));
     Page {
         title: "The 1991 paper's figures beside marti's".to_owned(),
         introduction: "M-P. Hébert, M. D. J. McNeill, B. Shah, R. L. Grimsdale, P. F. Lister: MARTI, a Multiprocessor \
                        Architecture for Ray Tracing Images, 1991. Lines are what this program finds; black crosses are \
-                       what the paper publishes as numbers. Where it leaves a setting open, several are shown: \
-                       nothing is tuned that is not said."
+                       what the paper publishes as numbers. Where it leaves a setting open, several are shown, and \
+                       how they were chosen is stated."
             .to_owned(),
         figures,
         text: super::text(paper),
@@ -31,9 +30,9 @@ pub fn page(paper: &Paper) -> Page {
 
 fn figure1(paper: &Paper) -> Figure {
     let mut series = Vec::new();
-    for (i, figure) in paper.figure1.iter().enumerate() {
+    for (i, figure) in paper.figure1.iter().filter(|figure| figure.octree.leaf_size == 12).enumerate() {
         let style = if i == 0 { Style::Marked } else { Style::Dashed };
-        let name = octree(figure.octree);
+        let name = format!("{}, {}", figure.scene, octree(figure.octree));
         series.extend(charts::levels(&figure.levels, &format!("; {name}"), style));
     }
     Figure {
@@ -44,9 +43,8 @@ fn figure1(paper: &Paper) -> Figure {
             series,
         },
         caption: format!(
-            "{}, all rays, with mailbox. The paper: {:.1}% of the nodes and {:.1}% of the accesses on the four deepest \
+            "All rays, with mailbox. The paper: {:.1}% of the nodes and {:.1}% of the accesses on the four deepest \
              levels.",
-            TEAPOT.source(),
             100.0 * published::DEEPEST_NODES_SHARE,
             100.0 * published::DEEPEST_ACCESSES_SHARE
         ),
@@ -59,8 +57,7 @@ fn of_scene<'a>(paper: &'a Paper, scene: &PaperScene) -> impl Iterator<Item = &'
 }
 
 fn traffic(paper: &Paper, scene: &PaperScene) -> Figure {
-    let first = scene.octrees.first().copied().unwrap_or(Octree::DEFAULT);
-    let shown: Vec<_> = of_scene(paper, scene).filter(|traffic| traffic.conditions.octree == first).collect();
+    let shown: Vec<_> = of_scene(paper, scene).collect();
     let line = |traffic: &&Traffic| Series {
         name: format!("{} nodes, lines of {}", traffic.nodes, traffic.conditions.line_bytes),
         points: curve(traffic, |point| point.bus_bytes as f64 * 1e-6),
@@ -79,43 +76,51 @@ fn traffic(paper: &Paper, scene: &PaperScene) -> Figure {
             "{}, {}; LRU, fully associative; tiles row by row, interleaved. Messages are {messages:.2} million bytes \
              besides. The paper's curves bear no numbers.",
             scene.source(),
-            octree(first)
+            octree(super::OCTREE)
         ),
     }
 }
 
-fn table1(paper: &Paper, scene: &PaperScene) -> Figure {
+fn table1(paper: &Paper, scene: usize) -> Figure {
     let at = |values: [f64; 4]| -> Vec<(f64, f64)> {
         [1.0 / 4.0, 1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0].into_iter().zip(values).collect()
     };
-    let name = scene.source().to_string();
-    let mut series = Vec::new();
-    for table in
-        paper.table1.iter().filter(|table| table.conditions.scene == name && table.conditions.line_bytes == LINES[0])
-    {
-        let style = match table.ratio {
-            Ratio::MissesPerRecordAccess => Style::Marked,
-            Ratio::WordsMovedPerWordRead => Style::Dashed,
-            Ratio::LineMissesPerLineAccess | Ratio::MissesPerWordRead => continue,
-        };
-        let name = format!("{}; {}", table.ratio.name(), octree(table.conditions.octree));
-        series.push(Series { name, points: at(table.found), style });
-    }
-    series.push(Series { name: "published".to_owned(), points: at(scene.table), style: Style::Published });
+    // The best of each kind.
+    let mut best: Vec<_> = paper.settings.iter().collect();
+    best.sort_by(|a, b| a.rmse.total_cmp(&b.rmse));
+    let kind = |setting: &super::Setting| (setting.board, matches!(setting.unit, Unit::Whole { .. }));
+    let mut kinds = Vec::new();
+    best.retain(|found| {
+        let is_new = !kinds.contains(&kind(&found.setting));
+        kinds.push(kind(&found.setting));
+        is_new
+    });
+    let style = |setting: &super::Setting| match (setting.unit, setting.board) {
+        (Unit::Whole { .. }, _) => Style::Line,
+        (_, Board::None) => Style::Marked,
+        (_, Board::Squares) => Style::Dashed,
+    };
+    let mut series: Vec<Series> = best
+        .iter()
+        .map(|found| Series {
+            name: found.setting.to_string(),
+            points: at(found.cells[scene].found),
+            style: style(&found.setting),
+        })
+        .collect();
+    let of = [&GEARS, &TEAPOT][scene];
+    series.push(Series { name: "published".to_owned(), points: at(of.table), style: Style::Published });
     Figure {
         chart: Chart {
-            title: format!("Table 1: shared / local memory accesses, {}", scene.source()),
+            title: format!("Table 1: shared / local memory accesses, {}", of.scene.kind),
             x: shares(),
             // The legend is above.
-            y: Axis::from_zero("ratio", 1.4 * most(&series)),
+            y: Axis::from_zero("misses / accesses", 1.4 * most(&series)),
             series,
         },
         caption: format!(
-            "{} nodes, lines of {} bytes, LRU, fully associative; tiles row by row, interleaved. Two of the four \
-             definitions of the ratio; the tables have all, and lines of {}.",
-            published::TABLE_NODES,
-            LINES[0],
-            LINES[1]
+            "{} nodes, LRU, fully associative; tiles row by row. The best setting of each kind, the same in both charts.",
+            published::TABLE_NODES
         ),
     }
 }
@@ -124,7 +129,7 @@ fn curves(paper: &Paper) -> Figure {
     let shown = paper
         .traffic
         .iter()
-        .filter(|traffic| traffic.nodes == published::TABLE_NODES && traffic.conditions.line_bytes == LINES[1]);
+        .filter(|traffic| traffic.nodes == published::TABLE_NODES && traffic.conditions.line_bytes == LINE);
     let line = |traffic: &Traffic| {
         let accesses = traffic.sizes.first().map_or(1.0, |size| size.counts.record_accesses as f64);
         Series {
@@ -144,7 +149,7 @@ fn curves(paper: &Paper) -> Figure {
         caption: format!(
             "{} nodes, lines of {} bytes, fully associative; tiles row by row, interleaved. One pass by stack distances.",
             published::TABLE_NODES,
-            LINES[1]
+            LINE
         ),
     }
 }

@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
-use super::{Paper, PaperError, PaperScene};
+use super::{Paper, PaperError};
 use crate::study::figures::levels::{self, Deepest, Effort, Level};
 use crate::study::published;
 use machine::replay::parallel;
+use trace::scene::SceneSource;
 use trace::tracer::octree::Octree;
 use trace::tracer::octree::census::Census;
 
@@ -51,12 +52,12 @@ impl Factor {
     }
 }
 
-/// Of all octrees of a scene.
-pub(super) fn figures(scene: &PaperScene, paper: &Paper) -> Result<Vec<Figure1>, PaperError> {
-    parallel::map(scene.octrees, |&octree| figure(scene, octree, paper)).into_iter().collect()
+/// Of scenes with their octrees.
+pub(super) fn figures(of: &[(SceneSource, Octree)], paper: &Paper) -> Result<Vec<Figure1>, PaperError> {
+    parallel::map(of, |(scene, octree)| figure(scene, *octree, paper)).into_iter().collect()
 }
 
-fn figure(scene: &PaperScene, octree: Octree, paper: &Paper) -> Result<Figure1, PaperError> {
+fn figure(scene: &SceneSource, octree: Octree, paper: &Paper) -> Result<Figure1, PaperError> {
     let trace = |octree: Octree| {
         let prepared = paper.prepare(scene, octree)?;
         let stats = levels::trace(&prepared.database, &prepared.view, paper.tiling, octree.mailbox);
@@ -70,7 +71,7 @@ fn figure(scene: &PaperScene, octree: Octree, paper: &Paper) -> Result<Figure1, 
     };
     let by_level = levels::levels(&census, &stats.octree_accesses);
     Ok(Figure1 {
-        scene: scene.source().to_string(),
+        scene: scene.to_string(),
         octree,
         deepest: levels::deepest(&by_level, published::DEEPEST_LEVELS),
         published: Deepest {

@@ -2,44 +2,52 @@
 //! open, beside what it publishes.
 
 mod charts;
+mod claims;
 mod figure1;
-mod processors;
+mod found;
 mod replaced;
 mod rows;
-mod table1;
+pub mod search;
+mod setting;
 mod text;
+mod whole_objects;
 
 use serde::Serialize;
 
 pub use charts::page;
+pub use claims::{Balance, Claims};
 pub use figure1::{Factor, Figure1};
-pub use processors::Processors;
+pub use found::{Cells, Found};
 pub use replaced::Replaced;
 pub use rows::csv;
-pub use table1::Table1;
-pub use text::text;
+pub use search::Search;
+pub use setting::{Setting, Unit};
+pub use text::{search as search_text, text};
 
-use crate::study::figures::conditions;
 use crate::study::figures::contention::{Contention, SMALLEST};
+use crate::study::figures::ratio::Ratio;
 use crate::study::figures::traffic::{Traffic, TrafficError};
 use crate::study::published;
+use crate::study::runs::kept::Kept;
 use crate::study::runs::traced::{Run, Traced, TracedError};
 use machine::hardware::specification::{Bus, MemorySize, Processor};
 use machine::replay::parallel;
+use machine::replay::plan::setting::Assignment;
 use machine::tile_order::TileOrder;
+use trace::database::{Objects, RecordLayout};
 use trace::picture::{ImageSettings, Sides, Tiling};
-use trace::preparation::{self, PreparationError, Prepared, ViewChoices};
+use trace::preparation::{self, BuildChoices, PreparationError, Prepared, ViewChoices};
 use trace::scene::SceneSource;
 use trace::scene::procedural::{Board, Kind, Procedural};
 use trace::tracer::octree::Octree;
 
 /// How it is printed: raised with every change of meaning.
-pub const FORMAT: &str = "marti study paper 1";
+pub const FORMAT: &str = "marti study paper 2";
 
-/// Line sizes that are tried, bytes.
-pub const LINES: [u32; 2] = [16, 64];
+/// Bytes of a line in Figures 6 and 7 and where a bus is shared.
+pub const LINE: u32 = 16;
 /// Numbers of nodes that share a bus.
-pub const NODES: [u16; 15] = [1, 2, 3, 4, 6, 8, 9, 12, 16, 24, 32, 37, 48, 56, 64];
+pub const NODES: [u16; 12] = [1, 2, 4, 6, 9, 12, 16, 24, 32, 37, 48, 64];
 /// Bus widths that are tried, bytes.
 pub const WIDTHS: [u32; 4] = [4, 8, 16, 32];
 /// Local memories of Figures 6 and 7.
@@ -53,13 +61,12 @@ pub const SIZES: [MemorySize; 7] = [
     MemorySize::All,
 ];
 
-/// One of the paper's scenes, and the octrees that are tried on it: the first is the nearest to what the paper tells.
+/// One of the paper's scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct PaperScene {
     pub scene: Procedural,
     /// The figure that shows its traffic.
     pub figure: &'static str,
-    pub octrees: &'static [Octree],
     pub table: [f64; 4],
 }
 
@@ -70,16 +77,45 @@ const fn leaves(leaf_size: u32, max_depth: u32) -> Octree {
 pub const GEARS: PaperScene = PaperScene {
     scene: Procedural { kind: Kind::Gears, size: 2, board: Board::Squares },
     figure: "Figure 6",
-    octrees: &[leaves(16, 8), leaves(8, 8), leaves(3, 12)],
     table: published::TABLE_GEARS,
 };
 
+/// The paper counts 9120 triangles: those without the board.
 pub const TEAPOT: PaperScene = PaperScene {
-    scene: Procedural { kind: Kind::Teapot, size: 12, board: Board::Squares },
+    scene: Procedural { kind: Kind::Teapot, size: 12, board: Board::None },
     figure: "Figure 7",
-    octrees: &[leaves(12, 10), leaves(8, 10)],
     table: published::TABLE_TEAPOT,
 };
+
+/// One octree for both scenes, wherever none is named: the one of the best setting in lines ([`search`]).
+pub const OCTREE: Octree = leaves(12, 12);
+
+/// The settings of Table 1 that are shown: the best of their kind, and those beside which they are to be seen.
+pub const SETTINGS: [Setting; 8] = {
+    const fn lines(board: Board, octree: Octree, objects: Objects, ratio: Ratio, assignment: Assignment) -> Setting {
+        Setting { board, octree, unit: Unit::Lines { objects, bytes: LINE, ratio }, assignment }
+    }
+    const fn whole(board: Board, octree: Octree, bytes: u32) -> Setting {
+        let unit = Unit::Whole { bytes, siblings: 8 };
+        Setting { board, octree, unit, assignment: Assignment::Interleaved }
+    }
+    use Assignment::{Interleaved, OnDemand};
+    use Board::{None, Squares};
+    use Objects::{Polygons, Triangles};
+    [
+        lines(None, OCTREE, Triangles, Ratio::LineMissesPerLineAccess, OnDemand),
+        lines(None, OCTREE, Triangles, Ratio::LineMissesPerLineAccess, Interleaved),
+        lines(None, OCTREE, Triangles, Ratio::MissesPerRecordAccess, Interleaved),
+        lines(None, OCTREE, Triangles, Ratio::WordsMovedPerWordRead, Interleaved),
+        lines(Squares, leaves(2, 6), Triangles, Ratio::LineMissesPerLineAccess, Interleaved),
+        lines(Squares, OCTREE, Triangles, Ratio::LineMissesPerLineAccess, OnDemand),
+        lines(None, leaves(1, 6), Polygons, Ratio::LineMissesPerLineAccess, Interleaved),
+        whole(None, leaves(1, 6), 300),
+    ]
+};
+
+/// Octrees of Figure 1, beside [`OCTREE`].
+const FIGURE1: [Octree; 3] = [OCTREE, leaves(12, 10), leaves(1, 6)];
 
 /// All that is found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -88,14 +124,17 @@ pub struct Paper {
     pub tiling: Tiling,
     /// Reflections and refractions in a row.
     pub depth: u32,
+    /// Table 1.
+    pub settings: Vec<Found>,
+    /// How many settings the search tried that found the best of these.
+    pub settings_searched: usize,
     pub figure1: Vec<Figure1>,
-    /// Figures 6 and 7: by octree, line and nodes; LRU.
+    /// Figures 6 and 7, by nodes; LRU.
     pub traffic: Vec<Traffic>,
-    pub table1: Vec<Table1>,
-    /// The sizes of Table 1 under other replacement policies, with each scene's first octree and lines of 64.
+    /// The sizes of Table 1 under other replacement policies.
     pub replacements: Vec<Replaced>,
-    pub processors: Vec<Processors>,
-    /// With each scene's first octree, at 1/32.
+    pub claims: Vec<Claims>,
+    /// At 1/32.
     pub contention: Vec<Contention>,
     /// The same of [`published::PROCESSORS`] nodes on other buses.
     pub widths: Vec<Contention>,
@@ -111,25 +150,28 @@ pub enum PaperError {
     Traffic(#[from] TrafficError),
 }
 
-/// How many times `tell` is called.
-pub const STEPS: u32 = 2 * (GEARS.octrees.len() + TEAPOT.octrees.len()) as u32 + 3;
+/// How many times `tell` is called, at most.
+pub const STEPS: u32 = 20;
+
+/// 2500 tiles.
+fn tiling() -> Tiling {
+    let (side, tile) = (published::IMAGE_SIDE, published::TILE_SIDE);
+    Tiling::new(Sides { width: side, height: side, tile_width: tile, tile_height: tile }).expect("possible")
+}
 
 impl Paper {
-    /// Traces and replays; takes half a minute on two processors. `tell` gets what is begun.
+    /// Traces and replays; takes a minute on two processors. `tell` gets what is begun.
     ///
     /// # Errors
     /// There is no room for temporary files; the paper's scenes, which this program makes itself, are in order.
     pub fn study(tell: impl Fn(&str)) -> Result<Self, PaperError> {
-        let (side, tile) = (published::IMAGE_SIDE, published::TILE_SIDE);
-        let tiling =
-            Tiling::new(Sides { width: side, height: side, tile_width: tile, tile_height: tile }).expect("possible");
-        let mut paper = Self::empty(tiling);
-        tell("Figure 1: the teapot through octrees of fewer levels");
-        paper.figure1 = figure1::figures(&TEAPOT, &paper)?;
-        for scene in [&GEARS, &TEAPOT] {
-            for (i, &octree) in scene.octrees.iter().enumerate() {
-                paper.octree(scene, octree, i == 0, &tell)?;
-            }
+        let mut paper = Self::empty(tiling());
+        paper.settings = paper.measure(&SETTINGS, &tell)?;
+        tell("Figure 1: octrees of fewer levels");
+        let figures = [Board::None, Board::Squares].map(|board| FIGURE1.map(|octree| (TEAPOT.on(board), octree)));
+        paper.figure1 = figure1::figures(figures.as_flattened(), &paper)?;
+        for scene in [GEARS, TEAPOT] {
+            paper.figures(&scene, OCTREE, &tell)?;
         }
         Ok(paper)
     }
@@ -139,29 +181,47 @@ impl Paper {
             format: FORMAT,
             tiling,
             depth: ImageSettings::DEPTH_DEFAULT,
+            settings: Vec::new(),
+            settings_searched: search::count(),
             figure1: Vec::new(),
             traffic: Vec::new(),
-            table1: Vec::new(),
             replacements: Vec::new(),
-            processors: Vec::new(),
+            claims: Vec::new(),
             contention: Vec::new(),
             widths: Vec::new(),
         }
     }
 
-    /// Traces a scene with one octree, and replays it through all that is tried.
-    fn octree(
-        &mut self,
-        scene: &PaperScene,
+    /// Traces a scene, and replays it through all else that is tried.
+    fn figures(&mut self, scene: &PaperScene, octree: Octree, tell: &impl Fn(&str)) -> Result<(), PaperError> {
+        let source = scene.source();
+        tell(&format!("{}: {source}", scene.figure));
+        let (prepared, traced) = self.trace(&source, octree, RecordLayout::DEFAULT)?;
+        let found =
+            parallel::map(&published::NODES, |&nodes| Traffic::new(&traced, LINE, TileOrder::Scanline, nodes, &SIZES));
+        self.traffic.extend(found.into_iter().collect::<Result<Vec<_>, _>>()?);
+        tell(&format!("{source}: other replacement"));
+        self.replacements.push(Replaced::new(&traced, LINE)?);
+        tell(&format!("{source}: sharing a bus"));
+        self.claims.push(Claims::new(&traced, &prepared.database)?);
+        let with =
+            |width, nodes: &[u16]| Contention::new(&traced, SMALLEST, LINE, width, nodes).map_err(TrafficError::from);
+        self.contention.push(with(Bus::DEFAULT.width, &NODES)?);
+        for width in WIDTHS {
+            self.widths.push(with(width, &[published::PROCESSORS as u16])?);
+        }
+        Ok(())
+    }
+
+    fn trace(
+        &self,
+        source: &SceneSource,
         octree: Octree,
-        first: bool,
-        tell: &impl Fn(&str),
-    ) -> Result<(), PaperError> {
-        let name = format!("{}, {}", scene.source(), conditions::octree(octree));
-        tell(&format!("{name}: tracing"));
-        let prepared = self.prepare(scene, octree)?;
+        records: RecordLayout,
+    ) -> Result<(Prepared, Traced<Kept>), PaperError> {
+        let prepared = self.prepare(source, BuildChoices { octree, records })?;
         let run = Run {
-            scene: scene.source().to_string(),
+            scene: source.to_string(),
             octree,
             tiling: self.tiling,
             seed: 0,
@@ -169,36 +229,12 @@ impl Paper {
             bus: Bus::DEFAULT,
         };
         let traced = Traced::new(run, &prepared)?;
-        tell(&format!("{name}: replaying"));
-        let clusters: Vec<_> = LINES.iter().flat_map(|&line| published::NODES.map(|nodes| (line, nodes))).collect();
-        let found =
-            parallel::map(&clusters, |&(line, nodes)| Traffic::new(&traced, line, TileOrder::Scanline, nodes, &SIZES));
-        let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-        for traffic in found.iter().filter(|traffic| traffic.nodes == published::TABLE_NODES) {
-            self.table1.extend(Table1::of(traffic, scene.table));
-            self.processors.extend(Processors::of(traffic));
-        }
-        self.traffic.extend(found);
-        if first {
-            tell(&format!("{name}: sharing a bus"));
-            self.replacements.push(Replaced::new(&traced)?);
-            let processors = [published::PROCESSORS as u16];
-            for line in LINES {
-                let with = |width, nodes: &[u16]| {
-                    Contention::new(&traced, SMALLEST, line, width, nodes).map_err(TrafficError::from)
-                };
-                self.contention.push(with(Bus::DEFAULT.width, &NODES)?);
-                for width in WIDTHS {
-                    self.widths.push(with(width, &processors)?);
-                }
-            }
-        }
-        Ok(())
+        Ok((prepared, traced))
     }
 
-    fn prepare(&self, scene: &PaperScene, octree: Octree) -> Result<Prepared, PreparationError> {
+    fn prepare(&self, source: &SceneSource, database: impl Into<BuildChoices>) -> Result<Prepared, PreparationError> {
         let Sides { width, height, .. } = self.tiling.sides();
-        preparation::prepare(&scene.source(), octree, &ViewChoices::default(), |_| {
+        preparation::prepare(source, database, &ViewChoices::default(), |_| {
             ImageSettings::new(width, height, self.depth, 0.0).map_err(|error| error.to_string())
         })
     }
@@ -207,6 +243,11 @@ impl Paper {
 impl PaperScene {
     pub fn source(&self) -> SceneSource {
         SceneSource::Procedural(self.scene)
+    }
+
+    /// The same on this board, if it has any.
+    pub fn on(&self, board: Board) -> SceneSource {
+        SceneSource::Procedural(self.scene.on(board).unwrap_or(self.scene))
     }
 }
 
@@ -222,33 +263,41 @@ mod tests {
         let scene = PaperScene {
             scene: Procedural { kind: Kind::Gears, size: 1, board: Board::Squares },
             figure: "Figure 0",
-            octrees: &[OCTREE],
             table: published::TABLE_GEARS,
         };
         let mut paper = Paper::empty(fixture::TILING);
-        paper.figure1 = figure1::figures(&scene, &paper).expect("a scene");
-        paper.octree(&scene, OCTREE, true, &|_| ()).expect("a scene");
+        paper.figure1 = figure1::figures(&[(scene.source(), OCTREE)], &paper).expect("a scene");
+        paper.figures(&scene, OCTREE, &|_| ()).expect("a scene");
         paper
     }
 
     #[test]
     fn every_figure_is_in_the_csv_and_the_json() {
-        let paper = small();
+        let mut paper = small();
+        let cells = Cells { found: [0.004; 4], published: published::TABLE_GEARS, least_local_bytes: 1 };
+        paper.settings.push(Found::new(SETTINGS[0], ["a", "b"].map(str::to_owned), [cells; 2]));
         let csv = csv(&paper);
         let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
         assert!(rows.iter().all(|row| row.len() == 10), "{csv}");
-        let count = |part: &str| rows.iter().filter(|row| row[0] == part).count();
-        assert_eq!(count("table 1"), LINES.len() * 4 * 4);
-        assert_eq!(count("replacement"), 5 * 4);
-        assert_eq!(count("traffic"), LINES.len() * published::NODES.len() * (SIZES.len() * 8 + 1));
-        assert_eq!(rows.iter().filter(|row| row[0].starts_with("contention")).count() % 13, 0);
+        let count = |part: &str| rows.iter().filter(|row| row[0].starts_with(part)).count();
+        assert_eq!(count("table 1"), 8 + 2);
+        assert_eq!(count("replacement") % 4, 0);
+        assert_eq!(count("traffic"), published::NODES.len() * (SIZES.len() * 8 + 1));
+        assert_eq!(count("contention") % 13, 0);
+        assert_eq!(count("claims"), 3 * 6 + 2);
         assert!(rows[1..].iter().all(|row| row[8].parse::<f64>().is_ok()), "{csv}");
 
         let json = serde_json::to_value(&paper).expect("JSON");
-        assert_eq!(json["table1"][0]["published"][3], 0.027);
+        assert_eq!(json["settings"][0]["cells"][0]["published"][3], 0.027);
+        assert_eq!(json["settings"][0]["definition"], "line misses / line accesses");
         assert_eq!(json["traffic"][0]["sizes"][0]["local_memory"], "1/32");
         assert_eq!(json["contention"][0]["rows"].as_array().map(Vec::len), Some(NODES.len()));
-        assert_eq!(json["widths"].as_array().map(Vec::len), Some(LINES.len() * WIDTHS.len()));
+        assert_eq!(json["widths"].as_array().map(Vec::len), Some(WIDTHS.len()));
+        let text = text(&paper);
+        for part in ["AGREES", "TABLE 1", "FIGURE 1", "OTHER", "CLAIMS", "CONTENTION"] {
+            assert!(text.contains(part), "{part}");
+        }
+        assert!(page(&paper).to_string().ends_with("</html>\n"));
     }
 
     #[test]
@@ -263,20 +312,16 @@ mod tests {
     }
 
     #[test]
-    fn table_1_is_the_traffic_of_nine_nodes() {
+    fn claims_agree_with_what_else_is_found() {
         let paper = small();
-        let table =
-            paper.table1.iter().find(|table| table.ratio == crate::study::figures::ratio::Ratio::WordsMovedPerWordRead);
-        let (table, traffic) = (table.expect("a definition"), &paper.traffic[1]);
-        assert_eq!((traffic.nodes, traffic.conditions.line_bytes), (9, table.conditions.line_bytes));
-        for (size, found) in published::TABLE_SIZES.into_iter().zip(table.found) {
-            let size = traffic.size(size).expect("replayed");
-            assert_eq!(found, traffic.bus_shares(size)[0]);
-        }
-        let text = text(&paper);
-        for part in ["FIGURE 1", "FIGURE 6", "FIGURE 7", "TABLE 1", "OTHER", "THE BUS", "THIRTY-SEVEN", "CONTENTION"] {
-            assert!(text.contains(part), "{part}");
-        }
-        assert!(page(&paper).to_string().ends_with("</html>\n"));
+        let [claims] = &paper.claims[..] else { panic!("one scene") };
+        let nine = claims.by_nodes.iter().find(|balance| balance.nodes == 9).expect("nine nodes");
+        let row = paper.contention[0].table.rows.iter().find(|row| row.setting.nodes == 9).expect("nine nodes");
+        assert!((nine.jobs + nine.pixels + nine.fetches - row.bus_utilisation).abs() < 1e-12, "{nine:?}");
+        assert!(nine.busy < row.efficiency && nine.busiest_over_mean >= 1.0, "{nine:?}");
+        let builds: Vec<f64> = claims.by_nodes.iter().map(|balance| balance.build).collect();
+        assert!(builds.is_sorted() && builds[0] > 0.0, "more nodes make the build a larger share: {builds:?}");
+        // Every descent is a read; what goes up came down.
+        assert!(claims.ascents_per_ray < claims.nodes_read_per_ray && claims.ascents_per_ray > 0.0, "{claims:?}");
     }
 }

@@ -24,10 +24,10 @@ pub struct Replaced {
 const POLICIES: [Policy; 5] = [Policy::Lru, Policy::Fifo, Policy::Clock, Policy::Random, Policy::Optimal];
 
 impl Replaced {
-    pub(super) fn new<T: Trace>(traced: &Traced<T>) -> Result<Self, TrafficError> {
+    pub(super) fn new<T: Trace>(traced: &Traced<T>, line: u32) -> Result<Self, TrafficError> {
         let setting = |replacement, local_memory| Setting {
             local_memory,
-            line: 64,
+            line,
             ways: None,
             replacement,
             nodes: published::TABLE_NODES,

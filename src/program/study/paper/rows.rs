@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use super::Paper;
+use super::{Claims, Found, LINE, OCTREE, Paper};
 use crate::study::figures::conditions::Conditions;
-use crate::study::figures::contention::Contention;
+use crate::study::figures::contention::{Contention, SMALLEST};
 use crate::study::figures::ratio::Ratio;
 use crate::study::figures::traffic::Traffic;
 use crate::study::published;
@@ -34,27 +34,17 @@ pub fn csv(paper: &Paper) -> String {
     for traffic in &paper.traffic {
         rows.traffic(traffic);
     }
-    for table in &paper.table1 {
-        for ((size, found), published) in published::TABLE_SIZES.iter().zip(table.found).zip(table.published) {
-            let at = place(&table.conditions, table.nodes, *size);
-            let (scene, tree) = (&table.conditions.scene, table.conditions.octree);
-            rows.row("table 1", scene, tree, &at, table.ratio.name(), found, Some(published));
-        }
+    for found in &paper.settings {
+        rows.table1(found);
     }
-    for found in &paper.processors {
-        let at = place(&found.conditions, found.nodes, published::share(32));
-        let mut row = |quantity, value, published| {
-            rows.row("processors", &found.conditions.scene, found.conditions.octree, &at, quantity, value, published);
-        };
-        row("by_accesses", found.by_accesses, Some(f64::from(found.published)));
-        row("by_words", found.by_words, Some(f64::from(found.published)));
-        row("presupposed_bus_bytes", found.presupposed_bus_bytes, None);
+    for claims in &paper.claims {
+        rows.claims(claims);
     }
     for replaced in &paper.replacements {
         for row in &replaced.rows {
             let at = format!("{},{},{}", row.setting.line, row.setting.nodes, row.setting.local_memory);
             let quantity =
-                format!("{} {:?}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
+                format!("{} {}", Ratio::MissesPerRecordAccess.name(), row.setting.replacement).to_lowercase();
             rows.row(
                 "replacement",
                 &replaced.scene,
@@ -95,6 +85,38 @@ impl Rows {
         let published = published.map_or_else(String::new, |published| published.to_string());
         // Writing to a string cannot fail.
         let _ = writeln!(self.0, "{part},{scene},{leaf_size},{max_depth},{place},{quantity},{found},{published}");
+    }
+
+    /// The quantity names the definition; what else the setting is, the part does.
+    fn table1(&mut self, found: &Found) {
+        let setting = &found.setting;
+        let part = format!("table 1: {setting}").replace(',', ";");
+        let nodes = published::TABLE_NODES;
+        for (scene, cells) in found.scenes.iter().zip(&found.cells) {
+            for ((size, value), published) in published::TABLE_SIZES.iter().zip(cells.found).zip(cells.published) {
+                let at = format!(",{nodes},{size}");
+                self.row(&part, scene, setting.octree, &at, setting.unit.definition(), value, Some(published));
+            }
+        }
+        let at = format!(",{nodes},");
+        self.row(&part, "both", setting.octree, &at, "rmse", found.rmse, None);
+        self.row(&part, "both", setting.octree, &at, "worst", found.worst, None);
+    }
+
+    fn claims(&mut self, claims: &Claims) {
+        for balance in &claims.by_nodes {
+            let at = format!("{LINE},{},{SMALLEST}", balance.nodes);
+            let mut row = |quantity, found| self.row("claims", &claims.scene, OCTREE, &at, quantity, found, None);
+            row("busy", balance.busy);
+            row("busiest_over_mean", balance.busiest_over_mean);
+            row("jobs", balance.jobs);
+            row("pixels", balance.pixels);
+            row("fetches", balance.fetches);
+            row("build", balance.build);
+        }
+        let mut row = |quantity, found| self.row("claims", &claims.scene, OCTREE, ",,", quantity, found, None);
+        row("nodes_read_per_ray", claims.nodes_read_per_ray);
+        row("ascents_per_ray", claims.ascents_per_ray);
     }
 
     fn traffic(&mut self, traffic: &Traffic) {

@@ -124,6 +124,8 @@ fn reads(
                             detail.ray(kind);
                         }
                         Event::Read(record) => detail.read(record, 0, 0),
+                        // What tracers never do.
+                        _ => {}
                     }
                 }
             }
