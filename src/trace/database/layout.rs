@@ -24,7 +24,8 @@ pub struct Span {
 #[serde(into = "Counts", try_from = "Counts")]
 pub struct Layout {
     strides: Strides,
-    spans: [Span; Section::COUNT],
+    /// Apart, as messages and events carry layouts that are to be small.
+    spans: Box<[Span; Section::COUNT]>,
     database_bytes: u64,
 }
 
@@ -65,21 +66,21 @@ impl Layout {
     /// # Errors
     /// The image would be larger than [`DATABASE_BYTES_MAX`].
     pub fn padded(records: [u64; Section::COUNT], strides: Strides) -> Result<Self, TooLarge> {
-        let (layout, bytes) = Self::lay_out(records, strides);
+        let (layout, bytes) = Self::placed(records, strides);
         if bytes > u128::from(DATABASE_BYTES_MAX) { Err(TooLarge { bytes }) } else { Ok(layout) }
     }
 
     /// The same records without padding.
     pub(super) fn unpadded(&self) -> Self {
         // It is no larger than this one.
-        Self::lay_out(self.spans.map(|span| span.records), Strides::CONTENT).0
+        Self::placed(self.spans.map(|span| span.records), Strides::CONTENT).0
     }
 
     /// Also how many bytes it has: those in it may be cut off.
-    fn lay_out(records: [u64; Section::COUNT], strides: Strides) -> (Self, u128) {
-        let mut spans = [Span::default(); Section::COUNT];
+    fn placed(records: [u64; Section::COUNT], strides: Strides) -> (Self, u128) {
+        let mut spans = Box::new([Span::default(); Section::COUNT]);
         let mut base = 0u128;
-        for (section, span) in Section::ALL.into_iter().zip(&mut spans) {
+        for (section, span) in Section::ALL.into_iter().zip(spans.iter_mut()) {
             let records = records[section as usize];
             *span = Span { base: Address(base as u64), records };
             let bytes = u128::from(records) * u128::from(strides.of(section));

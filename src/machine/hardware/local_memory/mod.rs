@@ -146,7 +146,12 @@ impl<R: Replacement, S: LineSource> LocalMemory<R, S> {
     fn record<T: Pod>(&mut self, section: Section, index: u32, class: usize) -> Result<T, MemoryError<S::Error>> {
         let place = self.sections[section as usize];
         if index >= place.records {
-            return self.padded_record(section, index, class);
+            // Records of a word have no padding.
+            return if const { size_of::<T>() == WORD } {
+                Err(MemoryError::OutOfRange { section, index })
+            } else {
+                self.padded_record(section, index, class)
+            };
         }
         let words = const { (size_of::<T>() / WORD) as u32 };
         let start = place.base.wrapping_add(index.wrapping_mul(words));

@@ -98,6 +98,12 @@ impl RecordLines {
         let has_polygons = layout.has_polygons();
         Self { numbers, words, offset, line_shift, count, has_polygons, simd: Simd::best() }
     }
+
+    #[cold]
+    #[inline(never)]
+    fn spans_with_polygons(&self, words: &[u32], spans: &mut Spans) {
+        self.simd.run(Find::<{ Section::COUNT }> { lines: self, words, spans });
+    }
 }
 
 impl Lines for RecordLines {
@@ -113,10 +119,9 @@ impl Lines for RecordLines {
     #[inline(always)]
     fn spans(&self, words: &[u32], spans: &mut Spans) {
         if self.has_polygons {
-            self.simd.run(Find::<{ Section::COUNT }> { lines: self, words, spans });
-        } else {
-            self.simd.run(Find::<WITHOUT_POLYGONS> { lines: self, words, spans });
+            return self.spans_with_polygons(words, spans);
         }
+        self.simd.run(Find::<WITHOUT_POLYGONS> { lines: self, words, spans });
     }
 
     fn count(&self) -> u32 {
