@@ -46,12 +46,11 @@ const fn nodes_above(lower_only: bool) -> [u64; LEAVES] {
 }
 
 impl Replacement for Plru {
-    /// # Panics
-    /// `ways` is not a power of two. Geometries that are resolved for this policy are of one.
+    /// Geometries that are resolved for this policy have a power of two of ways. Where fewer than these can be filled, a set has no
+    /// victim, and needs no tree.
     fn new(sets: u32, ways: u32, _seed: u64) -> Self {
-        assert!(ways.is_power_of_two(), "{ways} ways, expected a power of two for a tree");
         let mut subtrees = sets as usize * ways as usize;
-        let mut left = ways.trailing_zeros();
+        let mut left = if ways.is_power_of_two() { ways.trailing_zeros() } else { 0 };
         let mut storeys = Vec::new();
         while left > 0 {
             let levels = left.min(LEVELS);
@@ -144,9 +143,9 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "12 ways, expected a power of two")]
-    fn a_tree_has_a_power_of_two_of_leaves() {
-        let _ = Plru::new(1, 12, 0);
+    fn a_memory_that_is_larger_than_the_database_needs_no_tree() {
+        let twice: Vec<u32> = (0..12).chain(0..12).collect();
+        assert_eq!(misses::<Plru>(1, 12, &twice), [[true; 12], [false; 12]].concat());
     }
 
     proptest! {
