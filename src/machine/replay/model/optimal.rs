@@ -74,7 +74,7 @@ impl Memory {
     fn part(&mut self, part: &Uses<'_>, lines: &impl Lines) {
         let (mut record_misses, mut line_misses, mut missed) = (0, 0, None);
         for (left, used) in (1..=part.left).rev().zip(part.uses) {
-            let set = &mut self.sets[self.placement.set(used.line, lines) as usize];
+            let set = &mut self.sets[self.placement.set(used.line, |sets| lines.set(used.line, sets)) as usize];
             if !std::mem::replace(&mut self.resident[used.line as usize], true) {
                 line_misses += 1;
                 if missed != Some(used.record) {

@@ -234,7 +234,7 @@ impl<R: Replacement> Memory<R> {
     }
 
     fn place(&mut self, line: u32) {
-        if let Some(evicted) = self.directory.place(line, self.placement.set(line, &self.lines)) {
+        if let Some(evicted) = self.directory.place(line, self.placement.set(line, |sets| self.lines.set(line, sets))) {
             self.write_back(evicted);
         }
     }

@@ -30,7 +30,7 @@ pub trait Lines: Sync {
     /// # Errors
     /// More lines of sets that are referenced than can be simulated.
     fn placement(&self, geometry: &Geometry) -> Result<Placement, GeometryError> {
-        Placement::of_any(self, geometry)
+        Placement::of_any(geometry, |line, sets| self.set(line, sets))
     }
 }
 

@@ -1,7 +1,6 @@
 //! Where lines are placed in a memory: its sets, as far as any line lies in them.
 
 use crate::hardware::local_memory::{Geometry, GeometryError, Slots};
-use crate::replay::Lines;
 
 /// The slots of a simulated memory, and the set of each line among them.
 ///
@@ -35,20 +34,23 @@ impl Placement {
     ///
     /// # Errors
     /// More slots than can be simulated.
-    pub(super) fn of_any(lines: &(impl Lines + ?Sized), geometry: &Geometry) -> Result<Self, GeometryError> {
+    ///
+    /// `set` is that of a line among so many sets.
+    pub(super) fn of_any(geometry: &Geometry, set: impl Fn(u32, u64) -> u64) -> Result<Self, GeometryError> {
         if geometry.sets == 1 {
             return Ok(Self::without_gaps(geometry));
         }
-        let sets: Vec<u64> = (0..lines.count()).map(|line| lines.set(line, geometry.sets)).collect();
+        let count = geometry.database_lines;
+        let sets: Vec<u64> = (0..count).map(|line| set(line, geometry.sets)).collect();
         let mut numbers = sets.clone();
         numbers.sort_unstable();
         let fullest = numbers.chunk_by(|a, b| a == b).map(<[u64]>::len).max().unwrap_or(1) as u64;
         if fullest <= geometry.ways {
             // Nothing is ever evicted: one set does as well.
-            return Ok(Self { slots: Slots { sets: 1, ways: lines.count() }, sets: Sets::One });
+            return Ok(Self { slots: Slots { sets: 1, ways: count }, sets: Sets::One });
         }
         numbers.dedup();
-        let is_sparse = geometry.sets > u64::from(lines.count());
+        let is_sparse = geometry.sets > u64::from(count);
         let used = if is_sparse { numbers.len() as u64 } else { geometry.sets };
         if used.saturating_mul(geometry.ways) > Slots::COUNT_MAX {
             return Err(GeometryError::TooManySlots { sets: used, ways: geometry.ways });
@@ -64,12 +66,12 @@ impl Placement {
         self.slots
     }
 
-    /// The set of a line among those of [`Self::slots`].
+    /// The set of a line among those of [`Self::slots`]; `own` is its set among so many.
     #[inline(always)]
-    pub fn set(&self, line: u32, lines: &impl Lines) -> u32 {
+    pub fn set(&self, line: u32, own: impl Fn(u64) -> u64) -> u32 {
         match &self.sets {
             Sets::One => 0,
-            Sets::Own(sets) => lines.set(line, *sets) as u32,
+            Sets::Own(sets) => own(*sets) as u32,
             Sets::Numbered(sets) => sets[line as usize],
         }
     }
@@ -86,11 +88,7 @@ mod tests {
     /// Line `i` has the number `self.0[i]`.
     struct Numbered(Vec<u64>);
 
-    impl Lines for Numbered {
-        fn of(&self, record: u32) -> (u32, u32) {
-            (record, 1)
-        }
-
+    impl Numbered {
         fn count(&self) -> u32 {
             self.0.len() as u32
         }
@@ -98,9 +96,13 @@ mod tests {
         fn set(&self, line: u32, sets: u64) -> u64 {
             self.0[line as usize] % sets
         }
+
+        fn placement(&self, sets: u64, ways: u64) -> Result<Placement, GeometryError> {
+            Placement::of_any(&geometry(self, sets, ways), |line, sets| self.set(line, sets))
+        }
     }
 
-    fn geometry(lines: &impl Lines, sets: u64, ways: u64) -> Geometry {
+    fn geometry(lines: &Numbered, sets: u64, ways: u64) -> Geometry {
         Geometry { line_bytes: 64, database_lines: lines.count(), sets, ways }
     }
 
@@ -108,21 +110,21 @@ mod tests {
     fn what_never_overflows_is_one_set() {
         // Dinero, 64 KiB direct-mapped in lines of 64 bytes: 0 and 0x400 are lines 0 and 16 of 1,024 sets.
         let lines = Numbered(vec![0, 16]);
-        let placement = Placement::of_any(&lines, &geometry(&lines, 1024, 1)).expect("few");
+        let placement = lines.placement(1024, 1).expect("few");
         assert_eq!(placement.slots(), Slots { sets: 1, ways: 2 });
         // In sixteen sets they meet in set 0.
-        let placement = Placement::of_any(&lines, &geometry(&lines, 16, 1)).expect("few");
+        let placement = lines.placement(16, 1).expect("few");
         assert_eq!(placement.slots(), Slots { sets: 1, ways: 1 });
-        assert_eq!([0, 1].map(|line| placement.set(line, &lines)), [0, 0]);
+        assert_eq!([0, 1].map(|line| placement.set(line, |sets| lines.set(line, sets))), [0, 0]);
     }
 
     #[test]
     fn absurd_memories_are_refused_or_cost_nothing() {
         let lines = Numbered((0..1000).map(|i| i << 40).collect());
-        let placement = Placement::of_any(&lines, &geometry(&lines, 1 << 20, 1 << 16)).expect("all fits");
+        let placement = lines.placement(1 << 20, 1 << 16).expect("all fits");
         assert_eq!(placement.slots().count(), 1000);
         let many = Numbered((0..1 << 17).map(|i| if i < 1 << 16 { i } else { i << 40 }).collect());
-        let refused = Placement::of_any(&many, &geometry(&many, 1 << 36, (1 << 16) - 1)).expect_err("too many");
+        let refused = many.placement(1 << 36, (1 << 16) - 1).expect_err("too many");
         assert_eq!(
             refused.to_string(),
             "65536 sets of 65535 ways that are referenced: expected at most 536870912 lines in all"
@@ -146,7 +148,7 @@ mod tests {
     }
 
     fn placed<R: Replacement>(lines: &Numbered, sets: u32, ways: u32, references: &[u32]) -> Vec<bool> {
-        let placement = Placement::of_any(lines, &geometry(lines, sets.into(), ways.into())).expect("few");
+        let placement = lines.placement(sets.into(), ways.into()).expect("few");
         let mut directory = Directory::<R>::new(placement.slots(), lines.count(), 3);
         let missed = |&line: &u32| match directory.slot(line) {
             Some(slot) => {
@@ -154,7 +156,7 @@ mod tests {
                 false
             }
             None => {
-                directory.miss(line, placement.set(line, lines));
+                directory.miss(line, placement.set(line, |sets| lines.set(line, sets)));
                 true
             }
         };
