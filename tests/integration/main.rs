@@ -1,6 +1,7 @@
 //! The real binaries, from the outside.
 
 mod bad_input;
+mod cachegrind;
 mod chaos;
 mod command;
 mod command_line;
