@@ -53,8 +53,22 @@ fn objects_are_counted_by_units() {
         let (counted, said) = row(&piped(ids.as_bytes(), &options));
         assert_eq!((number(&counted, "misses"), said.as_str()), (misses, ""), "{memory}");
     }
-    let (_, said) = row(&piped(ids.as_bytes(), &["--import", "ids"]));
-    assert!(said.contains("each object takes one unit of memory"), "{said}");
+}
+
+#[test]
+fn objects_have_the_sizes_of_their_trace() {
+    // By hand, of a capacity of 100 bytes, LRU: c evicts b, since a was requested after it; d is larger than the cache.
+    let table = "obj_id,obj_size\na,60\nb,40\na,60\nc,30\na,60\nd,101\na,60\n";
+    let (counted, said) = row(&piped(table.as_bytes(), &["--import", "csv", "--local-memory", "100"]));
+    let names = ["requests", "misses", "bytes_requested", "bytes_missed", "objects", "objects_bytes"];
+    let expected = [7, 4, 411, 60 + 40 + 30 + 101, 4, 60 + 40 + 30 + 101];
+    assert_eq!((names.map(|name| number(&counted, name)), said.as_str()), (expected, ""));
+    let half = row(&piped(table.as_bytes(), &["--import", "csv", "--local-memory", "1/2"])).0;
+    assert_eq!(number(&half, "local_bytes"), 115);
+    for option in ["--classes", "--curve"] {
+        let refused = piped(table.as_bytes(), &["--import", "csv", option]);
+        assert!(stderr(&refused).contains("has no effect on objects of different sizes"), "{}", stderr(&refused));
+    }
 }
 
 #[test]
@@ -84,7 +98,7 @@ fn what_cannot_be_is_refused() {
         (&[&reads, "--csv-id", "1"], "this is no table"),
         (&[&reads, "--timings"], "--timings has no effect on a trace"),
         (&[&reads, "--line", "131072"], "expected a power of two, 16 to 65536"),
-        (&[&ids, "--line", "64"], "objects have no lines"),
+        (&[&ids, "--line", "64"], "--line has no effect on objects"),
         (&[&cut], "c.din.gz: gzip: the compressed stream ends at byte 30"),
         (&[&unknown], "its format is not recognised; --import says which"),
         (&[&dropped, "--curve"], "a trace with invalidations"),
