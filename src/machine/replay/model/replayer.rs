@@ -85,16 +85,33 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
         let mut spans = Spans::default();
         for words in words.chunks(SPANS_MAX) {
             self.lines.spans(words, &mut spans);
-            for (&word, (first, count)) in words.iter().zip(spans.iter()) {
-                if count > 0 {
-                    let missing = self.reference(first, count);
-                    tally.read(word, count, missing);
-                } else {
-                    self.other(word, tally)?;
+            let mut done = 0;
+            while done < words.len() {
+                done += self.tracer_words(&words[done..], &spans, done, tally);
+                if let Some(&word) = words.get(done) {
+                    self.imported(word, tally)?;
+                    done += 1;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Replays the words up to the first that only traces from elsewhere have, and returns how many these are. The lines of `words` are
+    /// those after the first `before` of `spans`.
+    #[inline(always)]
+    fn tracer_words(&mut self, words: &[u32], spans: &Spans, before: usize, tally: &mut impl Tally) -> usize {
+        for (i, (&word, (first, count))) in words.iter().zip(spans.after(before)).enumerate() {
+            if count > 0 {
+                let missing = self.reference(first, count);
+                tally.read(word, count, missing);
+            } else if let Some(Event::Ray(kind)) = ReferenceWord(word).decode() {
+                tally.ray(kind);
+            } else {
+                return i;
+            }
+        }
+        words.len()
     }
 
     /// Replays words up to and with the first read, or write, that misses. Returns how many words that were, and of it how many

@@ -8,6 +8,7 @@ use crate::study::page::plot::{Axis, Chart, Series, Style};
 use crate::study::page::{Figure, Page};
 use crate::study::published;
 use trace::scene::procedural::Board;
+use trace::tracer::octree::Octree;
 
 /// Charts, then all tables.
 pub fn page(paper: &Paper) -> Page {
@@ -28,9 +29,12 @@ pub fn page(paper: &Paper) -> Page {
     }
 }
 
+/// The octree that comes near to Figure 1.
+const FIGURE1_SHOWN: Octree = super::leaves(12, 10);
+
 fn figure1(paper: &Paper) -> Figure {
     let mut series = Vec::new();
-    for (i, figure) in paper.figure1.iter().filter(|figure| figure.octree.leaf_size == 12).enumerate() {
+    for (i, figure) in paper.figure1.iter().filter(|figure| figure.octree == FIGURE1_SHOWN).enumerate() {
         let style = if i == 0 { Style::Marked } else { Style::Dashed };
         let name = format!("{}, {}", figure.scene, octree(figure.octree));
         series.extend(charts::levels(&figure.levels, &format!("; {name}"), style));
@@ -95,6 +99,11 @@ fn table1(paper: &Paper, scene: usize) -> Figure {
         kinds.push(kind(&found.setting));
         is_new
     });
+    let name = |setting: &super::Setting| match (setting.unit, setting.board) {
+        (Unit::Whole { .. }, _) => "polygons of 300 bytes",
+        (_, Board::None) => "lines, without the board",
+        (_, Board::Squares) => "lines, with the board",
+    };
     let style = |setting: &super::Setting| match (setting.unit, setting.board) {
         (Unit::Whole { .. }, _) => Style::Line,
         (_, Board::None) => Style::Marked,
@@ -103,7 +112,7 @@ fn table1(paper: &Paper, scene: usize) -> Figure {
     let mut series: Vec<Series> = best
         .iter()
         .map(|found| Series {
-            name: found.setting.to_string(),
+            name: name(&found.setting).to_owned(),
             points: at(found.cells[scene].found),
             style: style(&found.setting),
         })
@@ -119,7 +128,7 @@ fn table1(paper: &Paper, scene: usize) -> Figure {
             series,
         },
         caption: format!(
-            "{} nodes, LRU, fully associative; tiles row by row. The best setting of each kind, the same in both charts.",
+            "{} nodes, LRU, fully associative; tiles row by row. The best setting of each kind, the same in both charts; the tables have them.",
             published::TABLE_NODES
         ),
     }
