@@ -20,6 +20,7 @@ mod output;
 mod play;
 mod preload;
 mod processes;
+mod recomputed;
 mod recording;
 mod reference;
 mod references;

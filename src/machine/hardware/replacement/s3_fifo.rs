@@ -7,8 +7,8 @@ use super::Replacement;
 use super::queues::Queues;
 
 /// A new line goes into a small queue of a tenth of the ways, and from its end into the main queue if it was hit at least
-/// [`HITS_TO_MAIN`] times, else it is evicted, and its number is remembered by a ghost queue. A line that the ghost remembers goes
-/// into the main queue at once. The main queue is a clock whose counters reach [`FREQUENCY_MAX`].
+/// twice, else it is evicted, and its number is remembered by a ghost queue. A line that the ghost remembers goes
+/// into the main queue at once. The main queue is a clock whose counters reach 3.
 ///
 /// Every hit counts, repeated ones too.
 ///
