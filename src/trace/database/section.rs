@@ -35,7 +35,7 @@ impl Section {
         Self::Polygons,
     ];
 
-    /// Bytes of what one record holds. How far records are apart, the [`Layout`] knows.
+    /// Bytes of what one record holds. How far records are apart, the [`Layout`](super::Layout) knows.
     pub const fn content_bytes(self) -> u64 {
         (match self {
             Self::OctreeNodes => size_of::<OctreeWord>(),
