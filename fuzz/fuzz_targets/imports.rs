@@ -16,7 +16,9 @@ fuzz_target!(|data: &[u8]| {
     let format = ImportFormat::value_variants().get(usize::from(choice % 16)).copied();
     let column = |number: u8| (choice >> 4 & number != 0).then(|| format!("{number}").parse().expect("a column"));
     let csv = match format {
-        Some(ImportFormat::Csv) => CsvOptions { id: column(1), address: column(2), size: column(4), ..CsvOptions::default() },
+        Some(ImportFormat::Csv) => {
+            CsvOptions { id: column(1), address: column(2), size: column(4), ..CsvOptions::default() }
+        }
         _ => CsvOptions::default(),
     };
     let options = ImportOptions { format, csv, line_bytes_min: 16 };
