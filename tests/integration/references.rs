@@ -168,6 +168,25 @@ fn live_runs_with_other_settings_are_predicted_bit_for_bit() {
 }
 
 #[test]
+fn contention_has_the_cycles_that_timings_have() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    recorded_report_of(TEAPOT, out.path(), &["image.width=64", "image.height=64", "image.tile=8"]);
+    for options in
+        [&["--nodes", "4"][..], &["--nodes", "4", "--assignment", "on-demand"], &["--nodes", "2", "--clusters", "3"]]
+    {
+        let rows = replay(out.path(), &[options, &["--timings"]].concat());
+        let mut command = marti();
+        command.arg("replay").arg(out.path()).args(["--format", "json", "--contention"]).args(options);
+        let output = command.output().expect("marti can be started");
+        assert!(output.status.success(), "{options:?}: {}", stderr(&output));
+        let table: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        for column in ["cycles", "efficiency", "bus_utilisation", "wait_mean", "assignment", "clusters"] {
+            assert_eq!(table["rows"][0][column], rows[0][column], "{options:?}: {column}");
+        }
+    }
+}
+
+#[test]
 fn a_run_that_lost_a_node_is_replayed_exactly() {
     // A tile of many parts for each node, so that one is killed within a tile that has been written in part.
     let options = [
