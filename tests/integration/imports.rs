@@ -65,9 +65,14 @@ fn objects_have_the_sizes_of_their_trace() {
     assert_eq!((names.map(|name| number(&counted, name)), said.as_str()), (expected, ""));
     let half = row(&piped(table.as_bytes(), &["--import", "csv", "--local-memory", "1/2"])).0;
     assert_eq!(number(&half, "local_bytes"), 115);
+    // Objects whose size changes are one object each.
+    let resized =
+        row(&piped(b"obj_id,obj_size\na,10\nb,20\na,10\nb,200\na,10\n", &["--import", "csv", "--local-memory", "all"]))
+            .0;
+    assert_eq!(["objects", "objects_bytes", "misses"].map(|name| number(&resized, name)), [2, 30, 2]);
     for option in ["--classes", "--curve"] {
         let refused = piped(table.as_bytes(), &["--import", "csv", option]);
-        assert!(stderr(&refused).contains("has no effect on objects of different sizes"), "{}", stderr(&refused));
+        assert!(stderr(&refused).contains("has no effect on caches of objects with sizes"), "{}", stderr(&refused));
     }
 }
 

@@ -76,7 +76,7 @@ fn tile_order(text: &str) -> Result<TileOrder, String> {
 }
 
 /// Columns of a row that are settings, or follow from one.
-pub(super) const SETTINGS: [&str; 21] = [
+pub(super) const SETTINGS: [&str; 23] = [
     "local_memory",
     "line",
     "ways",
@@ -98,6 +98,8 @@ pub(super) const SETTINGS: [&str; 21] = [
     "sets",
     "lines_per_set",
     "node",
+    "write_policy",
+    "write_allocate",
 ];
 
 /// Those of [`SETTINGS`] that decide nothing but times.
@@ -135,33 +137,13 @@ pub(super) const OF_RECORDINGS: [&str; 17] = [
 ];
 
 /// The same of a trace of objects, each of which takes one unit.
-pub(super) const OF_LINES_AND_RECORDINGS: [&str; 21] = {
-    let mut hidden = [
-        "line",
-        "line_accesses",
-        "line_misses",
-        "words_moved",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "",
-    ];
+pub(super) const OF_LINES_AND_RECORDINGS: [&str; 22] = {
+    let mut hidden = [""; OF_RECORDINGS.len() + 5];
+    [hidden[0], hidden[1], hidden[2], hidden[3], hidden[4]] =
+        ["line", "line_accesses", "line_misses", "words_moved", "local_bytes"];
     let mut i = 0;
     while i < OF_RECORDINGS.len() {
-        hidden[4 + i] = OF_RECORDINGS[i];
+        hidden[5 + i] = OF_RECORDINGS[i];
         i += 1;
     }
     hidden

@@ -144,8 +144,11 @@ integers! {
     LineBytes(u32): ImportedLine, |line, factor| line.checked_mul(factor.unwrap_or(2));
     /// Bytes of a bus word. Ranges double.
     BusWidth(u32): Width, |width, factor| width.checked_mul(factor.unwrap_or(2));
-    /// Cycles. Ranges double; from 0 on there is no next one.
-    CycleCount(u32): Cycles, |cycles, factor| cycles.checked_mul(factor.unwrap_or(2)).filter(|&next| next > cycles);
+    /// Cycles. Ranges double; after 0 comes 1.
+    CycleCount(u32): Cycles, |cycles, factor| match cycles {
+        0 => Some(1),
+        cycles => cycles.checked_mul(factor.unwrap_or(2)),
+    };
     /// Cycles in which a word crosses the bus. Ranges double.
     WordCycles(u32): CyclesPerWord, |cycles, factor| cycles.checked_mul(factor.unwrap_or(2));
 }
@@ -201,6 +204,8 @@ mod tests {
         assert_eq!(nodes("3..20x2"), Ok(vec![3, 6, 12]));
         assert_eq!(sizes("1/32..1/4,all"), Ok(["1/32", "1/16", "1/8", "1/4", "all"].map(str::to_owned).to_vec()));
         assert_eq!(sizes("4 KiB..16 KiB"), Ok(["4 KiB", "8 KiB", "16 KiB"].map(str::to_owned).to_vec()));
+        let cycles: List<CycleCount> = "0..8,0..100x10".parse().expect("ranges");
+        assert_eq!(cycles.0.iter().map(|cycles| cycles.0).collect::<Vec<_>>(), [0, 1, 2, 4, 8, 0, 1, 10, 100]);
         let lines: List<LineBytes> = "16..256".parse().expect("a range");
         assert_eq!(lines.0.len(), 5);
         let ways: List<WayCount> = "1..8,full".parse().expect("a range");

@@ -41,6 +41,10 @@ pub struct ContentionRow {
     pub knee: f64,
     /// The paper's bound: 1 / misses per record access.
     pub saturation: f64,
+    /// Whether the counts are those that a live run would make.
+    pub exact: bool,
+    /// Why they are not.
+    pub reason: Option<&'static str>,
 }
 
 /// The table, and what it comes to.
@@ -123,5 +127,7 @@ fn row(
         exponential_efficiency: exponential.efficiency,
         knee: network.knee(),
         saturation: saturation_nodes(misses),
+        exact: setting.assignment.is_approximate().is_none(),
+        reason: setting.assignment.is_approximate(),
     })
 }

@@ -48,10 +48,6 @@ pub struct Row {
     pub reason: Option<String>,
 }
 
-/// Why it is not known what a live run would count.
-const ON_DEMAND: &str =
-    "on demand, tiles go to the nodes that are first by the topology's cost model, which no live run follows exactly";
-
 /// Why an interrupted run predicts no other one.
 const TILES_MISSING: &str = "the recorded run ended before all tiles were traced: those that are missing count nowhere";
 
@@ -201,16 +197,14 @@ impl Row {
         if let Some(writes) = writes {
             counts.words_moved = writes.lines_fetched * u64::from(geometry.line_bytes / 4);
         }
-        let reason = evaluation.damage.clone().or_else(|| match setting.assignment {
-            Assignment::Recorded => None,
-            Assignment::OnDemand => Some(ON_DEMAND.to_owned()),
-            Assignment::Interleaved => (!is_whole).then(|| TILES_MISSING.to_owned()),
-        });
+        let is_missing = !is_whole && setting.assignment == Assignment::Interleaved;
+        let approximate = setting.assignment.is_approximate().or(is_missing.then_some(TILES_MISSING));
+        let reason = evaluation.damage.clone().or_else(|| approximate.map(str::to_owned));
         Self {
             setting,
             memory: geometry.into(),
             counts,
-            writes: writes.map(WriteColumns::from),
+            writes: writes.map(|writes| WriteColumns::new(writes, evaluation.writing)),
             misses_per_record_access: ratio(counts.misses, counts.record_accesses),
             words_moved_per_word_read: ratio(counts.words_moved, words_read),
             compulsory_misses: None,

@@ -15,7 +15,8 @@ use crate::replay::stream::placement::Placement;
 use crate::replay::{Lines, Trace, TraceError};
 
 /// When what was written leaves the memory.
-#[derive(Clone, Copy, PartialEq, Eq, Default, Debug, clap::ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum WritePolicy {
     /// When its line is evicted
     #[default]
@@ -58,6 +59,8 @@ pub struct WriteCounts {
 /// The same in a row, empty where writes are not counted apart: with optimal replacement they count as reads.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize)]
 pub struct WriteColumns {
+    pub write_policy: Option<WritePolicy>,
+    pub write_allocate: Option<bool>,
     pub write_accesses: Option<u64>,
     pub write_misses: Option<u64>,
     pub bytes_written_back: Option<u64>,
@@ -65,9 +68,12 @@ pub struct WriteColumns {
     pub bytes_written_through: Option<u64>,
 }
 
-impl From<WriteCounts> for WriteColumns {
-    fn from(counts: WriteCounts) -> Self {
+impl WriteColumns {
+    /// Of memories that write so.
+    pub fn new(counts: WriteCounts, writing: Writing) -> Self {
         Self {
+            write_policy: Some(writing.policy),
+            write_allocate: Some(writing.allocate),
             write_accesses: Some(counts.write_accesses),
             write_misses: Some(counts.write_misses),
             bytes_written_back: Some(counts.bytes_written_back),

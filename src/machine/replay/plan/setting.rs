@@ -82,6 +82,16 @@ pub enum Assignment {
     Interleaved,
 }
 
+impl Assignment {
+    /// Why a live run need not count the same; `None` where it counts the same.
+    pub fn is_approximate(self) -> Option<&'static str> {
+        /// What is known of no live run.
+        const ON_DEMAND: &str = "on demand, tiles go to the nodes that are first by the topology's cost model, which no live \
+                                 run follows exactly";
+        (self == Self::OnDemand).then_some(ON_DEMAND)
+    }
+}
+
 /// Everything that a replay can vary.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 #[serde(into = "Columns")]

@@ -258,8 +258,8 @@ fn table() -> String {
 /// What the options have no effect on is refused: the same table, short enough for a terminal.
 pub(super) fn help() -> String {
     let mut out =
-        "Which option combines with which question (1: one value, +: a list; any other is refused):\n\n".to_owned();
-    let heads = ["counts", "curve", "contend", "origins", "heat", "din,lcs", "csv,json", "bus", "to-bus", "trace"];
+        "Which option combines with which question (1: one value, +: a list; any other is refused).\ndin: also oracle-general; csv: also json; bus: chrome and vcd.\n\n".to_owned();
+    let heads = ["counts", "curve", "contend", "origins", "heat", "din", "csv", "bus", "to-bus", "trace"];
     let _ = writeln!(out, "  {:<20}{}", "", heads.map(|head| format!("{head:>8}")).concat());
     for Rule { option, takes, of } in &RULES {
         let cell = |takes: &Takes| match takes {

@@ -31,6 +31,9 @@ pub(super) fn print_contention<S: Subject>(subject: &S, settings: &[Setting], fo
             number(table.largest_efficient),
             number(table.largest_efficient_formula)
         ))?;
+        if let Some(reason) = table.rows.iter().find_map(|row| row.reason) {
+            print(&format!("\napproximate: {reason}\n"))?;
+        }
     }
     Ok(())
 }

@@ -100,10 +100,13 @@ impl ImportArguments {
             let what = "a trace with invalidations has no curve, classes of misses or optimum: expected counts of other policies";
             return Err(Failure::bad_input(what));
         }
-        let counts_reads = given.has("curve") || settings.iter().all(is_optimal);
-        if notes.writes > 0 && counts_reads {
-            outlet::say(format_args!("note: {} writes count as reads", notes.writes));
-        } else if notes.writes > 0 && !is_written {
+        let counts_reads = given.has("curve") || settings.iter().any(is_optimal);
+        let has_sizes = imported.is_of_objects() && !self.ignore_object_size;
+        if notes.writes > 0 && counts_reads && !has_sizes {
+            let of = if given.has("curve") { "a curve" } else { "optimal" };
+            outlet::say(format_args!("note: for {of} {} writes count as reads", notes.writes));
+        }
+        if notes.writes > 0 && !is_written && !given.has("curve") && !has_sizes {
             let how = "--write-policy back, --write-allocate yes";
             outlet::say(format_args!("note: {} of {} references are writes: {how}", notes.writes, notes.references));
         }

@@ -43,7 +43,7 @@ pub(super) fn print_objects(
 ) -> Result<(), Failure> {
     if let Some(option) = OF_LINES.iter().find(|option| given.has(option)) {
         return Err(Failure::bad_input(format!(
-            "--{option} has no effect on objects of different sizes, expected --ignore-object-size, or a trace of bytes"
+            "--{option} has no effect on caches of objects with sizes, expected it with --ignore-object-size or a trace of bytes"
         )));
     }
     let objects_bytes = u64::try_from(imported.objects_bytes().unwrap_or_default()).unwrap_or(u64::MAX);
@@ -57,7 +57,7 @@ pub(super) fn print_objects(
     let parts = Parts::new("caches");
     let rows = parallel::map(settings, |setting| {
         let local_bytes = capacity(setting.local_memory);
-        let (policy, objects) = (setting.replacement, imported.records());
+        let (policy, objects) = (setting.replacement, imported.objects());
         let counters = count_misses(policy, local_bytes, objects, imported.seed(), imported)?;
         parts.done(settings.len());
         Ok(Row {
