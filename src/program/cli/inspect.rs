@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -41,13 +41,17 @@ pub struct InspectArguments {
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
     if let Some(file) = &arguments.database {
         output_path::check(file)?;
-        if let SceneSource::File(scene) = &arguments.scene {
-            output_path::check_apart(&[("--database", file)], &[scene])?;
-        }
     }
     let choices =
         BuildChoices { octree: arguments.octree.octree(Octree::DEFAULT), records: arguments.records.layout()? };
     let scene = arguments.scene.load()?;
+    if let Some(file) = &arguments.database {
+        let mut read: Vec<&Path> = scene.libraries.iter().map(PathBuf::as_path).collect();
+        if let SceneSource::File(scene) = &arguments.scene {
+            read.push(scene);
+        }
+        output_path::check_apart(&[("--database", file)], &read)?;
+    }
     let image = |defaults: &ImageDefaults| {
         let (width, height) = defaults.resolution;
         ImageSettings::new(width, height, 0, 0.0).map_err(|error| error.to_string())

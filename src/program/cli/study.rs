@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::grid_options::{GridOptions, SETTINGS, TIMES};
 use super::replay::are_timed;
 use super::table::{Format, Table};
-use super::{Failure, json, print, subject};
+use super::{Failure, json, output_path, print, subject};
 use crate::study::page::Page;
 use crate::study::paper::{self, Paper};
 use crate::study::sweep::{self, Sweep};
@@ -119,6 +119,10 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let timings = arguments.timings || grid.varies_times();
     let topology = subject::topology(&arguments.topology, &arguments.set)?;
     output.make_folder()?;
+    if let Some(folder) = &output.out {
+        let (json, html) = (folder.join("study.json"), folder.join("study.html"));
+        output_path::check_apart(&[("--out", &json), ("--out", &html)], &[&arguments.topology])?;
+    }
     let steps = Steps::new(output.quiet, sweep::STEPS);
     let found = Sweep::study(
         &topology,

@@ -13,6 +13,9 @@ use crate::hardware::references::{PART_WORDS, ReferenceWord};
 /// A trace has at most so many references; they fill 16 GiB of a temporary file.
 const REFERENCES_MAX: u64 = 1 << 32;
 
+/// No object is larger, 1 TiB, so that the bytes of all references can be added.
+const OBJECT_BYTES_MAX: u64 = 1 << 40;
+
 /// Collects references into an [`Imported`]: to bytes or to objects.
 pub(super) struct Builder {
     records: Records,
@@ -95,6 +98,9 @@ impl Builder {
         let Records::Objects { numbers, texts, resized, objects } = &mut self.records else {
             return Err(MIXED.to_owned());
         };
+        if bytes > OBJECT_BYTES_MAX {
+            return Err(format!("an object of {bytes} bytes, expected at most {OBJECT_BYTES_MAX}"));
+        }
         if bytes == 0 {
             self.notes.left_out += 1;
             return Ok(());

@@ -7,6 +7,9 @@ use crate::tile_order::TileOrder;
 /// More combinations than this are a slip of the keyboard.
 pub const SETTINGS_MAX: usize = 100_000;
 
+/// Nodes of all combinations together: each has a list of its tiles.
+const NODES_MAX: u64 = 2_000_000;
+
 /// What is varied; an empty list stands for the recorded value.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Grid {
@@ -64,6 +67,10 @@ impl Grid {
         for axis in axes.iter().filter(|axis| axis.values > 0) {
             let with = |setting| (0..axis.values).map(move |i| (axis.with)(setting, i));
             settings = settings.into_iter().flat_map(with).collect();
+        }
+        let nodes = settings.iter().map(|setting| u64::from(setting.all_nodes())).sum::<u64>();
+        if nodes > NODES_MAX {
+            return Err(format!("{nodes} nodes in {count} combinations, expected at most {NODES_MAX} nodes"));
         }
         for setting in &mut settings {
             let as_recorded = (setting.nodes, setting.clusters, setting.tile_order)
@@ -146,5 +153,8 @@ mod tests {
         assert!(grid.settings(recorded()).expect_err("nine nodes").contains("recorded assignment is that of"));
         let grid = Grid { nodes: (1..=256).collect(), bus_width: vec![4; 500], ..Grid::default() };
         assert_eq!(grid.settings(recorded()), Err("128000 combinations, expected at most 100000".to_owned()));
+        let grid = Grid { nodes: (1..=256).collect(), clusters: (1..=256).collect(), ..Grid::default() };
+        let expected = "1082146816 nodes in 65536 combinations, expected at most 2000000 nodes";
+        assert_eq!(grid.settings(recorded()), Err(expected.to_owned()));
     }
 }

@@ -16,7 +16,7 @@ use machine::replay::exporters::chrome::ChromeTrace;
 use machine::replay::exporters::vcd::BusWaves;
 use machine::replay::exporters::{csv, din, json, oracle_general};
 use machine::replay::plan::schedule::schedule;
-use machine::replay::plan::setting::{Assignment, Setting};
+use machine::replay::plan::setting::{Assignment, Policy, Setting};
 use machine::replay::stream::subject::Subject;
 
 /// Windows in which a Chrome trace tells how much the bus was used.
@@ -140,6 +140,11 @@ fn export_references(
 
 /// The clusters one after the other, each from cycle 0 on; waves are those of the first.
 fn export_bus(recording: &Recording, setting: &Setting, format: BusFormat, out: &Path) -> Result<(), Failure> {
+    if setting.replacement == Policy::Optimal {
+        return Err(Failure::bad_input(
+            "a bus is not simulated with optimal, which has no times: expected another policy",
+        ));
+    }
     let geometry = Geometry::new(&setting.memory(), &recording.layout)
         .map_err(|error| Failure::bad_input(format!("local memory: {error}")))?;
     let mut transactions = 0;

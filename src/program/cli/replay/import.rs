@@ -95,6 +95,11 @@ impl ImportArguments {
             return Err(Failure::bad_input(what));
         }
         let is_optimal = |setting: &Setting| setting.replacement == Policy::Optimal;
+        if is_written && settings.iter().all(is_optimal) {
+            let what =
+                "--write-policy and --write-allocate have no effect with optimal, for which writes count as reads";
+            return Err(Failure::bad_input(what));
+        }
         let of_all_sizes = given.has("curve") || given.has("classes") || settings.iter().any(is_optimal);
         if notes.invalidations > 0 && of_all_sizes {
             let what = "a trace with invalidations has no curve, classes of misses or optimum: expected counts of other policies";
