@@ -81,14 +81,19 @@ impl ReferenceWord {
         if self.0 < 2 << 30 { Some(self.0 & !Self::WRITE) } else { None }
     }
 
+    /// The kind of the ray whose start it marks; `None` for all else.
+    #[inline(always)]
+    pub fn ray_kind(self) -> Option<RayKind> {
+        self.0.checked_sub(Self::MARK).and_then(|kind| RayKind::ALL.get(kind as usize)).copied()
+    }
+
     /// `None` for what no version writes yet.
     #[inline(always)]
     pub fn decode(self) -> Option<Event> {
         if self.is_read() {
             return Some(Event::Read(self.0));
         }
-        let kind = self.0.checked_sub(Self::MARK).and_then(|kind| RayKind::ALL.get(kind as usize));
-        kind.map_or_else(|| self.decode_imported(), |&kind| Some(Event::Ray(kind)))
+        self.ray_kind().map_or_else(|| self.decode_imported(), |kind| Some(Event::Ray(kind)))
     }
 
     /// What recordings have not.

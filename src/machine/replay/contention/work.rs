@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use crate::hardware::local_memory::Geometry;
-use crate::hardware::references::ReferenceWord;
 use crate::hardware::replacement::Replacement;
 use crate::hardware::transaction::Kind;
 use crate::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES, PIXEL_BYTES};
@@ -149,7 +148,7 @@ impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
             let (done, missing) = node.memory.until_miss(&node.words[node.done..], &mut node.tally)?;
             node.done += done;
             if missing > 0 {
-                let (first, _) = self.lines.of(ReferenceWord(node.words[node.done - 1]).record().unwrap_or(0));
+                let (first, _) = self.lines.of(node.words[node.done - 1]);
                 let address = u64::from(first) * u64::from(self.line_bytes);
                 (self.on_step)(Step::Lacks { node: id, address });
                 let transaction = Transaction { kind: Kind::Fetch, bytes: missing * self.line_bytes };

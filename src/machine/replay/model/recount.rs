@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::hardware::local_memory::Geometry;
 use crate::hardware::replacement::Lru;
 use crate::replay::model::curve::{LruCurve, curve};
-use crate::replay::model::replayer::{Counters, Replayer, Sum};
+use crate::replay::model::replayer::{Counters, Replayer, Sum, Tally};
 use crate::replay::stream::reads;
 use crate::replay::{Captured, Lines, Trace, TraceError};
 
@@ -96,8 +96,14 @@ fn by_directory(
     let geometry = Geometry { line_bytes: 16, database_lines: lines.count(), sets: 1, ways: size.into() };
     let mut memory = Replayer::<Lru, _>::new(lines, geometry, 0)?;
     let mut sum = Sum::new(trace);
+    let mut words = Vec::new();
     for &tile in tiles {
-        memory.tile(trace, tile, &mut sum)?;
+        sum.tile(tile);
+        for part in trace.tiles()[tile as usize].parts.clone() {
+            trace.read(part, &mut words)?;
+            reads::writes_as_reads(&mut words);
+            memory.words(&words, &mut sum)?;
+        }
     }
     Ok(sum.finish())
 }

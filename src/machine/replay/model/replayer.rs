@@ -1,12 +1,11 @@
 //! One local memory over the references of one node: hits and misses, without data.
 
 use crate::hardware::local_memory::{Directory, Geometry, GeometryError};
-use crate::hardware::references::{Event, ReferenceWord};
+use crate::hardware::references::ReferenceWord;
 use crate::hardware::replacement::Replacement;
 pub use crate::hardware::stats::Counters;
 use crate::replay::stream::lines::{SPANS_MAX, Spans};
 use crate::replay::stream::placement::Placement;
-use crate::replay::stream::reads::not_read;
 use crate::replay::{Lines, Trace, TraceError};
 use trace::tracer::RayKind;
 
@@ -80,42 +79,25 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     /// Replays words of a stream.
     ///
     /// # Errors
-    /// A word of a kind that this version does not know.
+    /// A word that no tracer writes.
     pub fn words(&mut self, words: &[u32], tally: &mut impl Tally) -> Result<(), TraceError> {
         let mut spans = Spans::default();
         for words in words.chunks(SPANS_MAX) {
             self.lines.spans(words, &mut spans);
-            let mut done = 0;
-            while done < words.len() {
-                done += self.tracer_words(&words[done..], &spans, done, tally);
-                if let Some(&word) = words.get(done) {
-                    self.imported(word, tally)?;
-                    done += 1;
+            for (&word, (first, count)) in words.iter().zip(spans.iter()) {
+                if count > 0 {
+                    let missing = self.reference(first, count);
+                    tally.read(word, count, missing);
+                } else {
+                    mark(word, tally)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Replays the words up to the first that only traces from elsewhere have, and returns how many these are. The lines of `words` are
-    /// those after the first `before` of `spans`.
-    #[inline(always)]
-    fn tracer_words(&mut self, words: &[u32], spans: &Spans, before: usize, tally: &mut impl Tally) -> usize {
-        for (i, (&word, (first, count))) in words.iter().zip(spans.after(before)).enumerate() {
-            if count > 0 {
-                let missing = self.reference(first, count);
-                tally.read(word, count, missing);
-            } else if let Some(Event::Ray(kind)) = ReferenceWord(word).decode() {
-                tally.ray(kind);
-            } else {
-                return i;
-            }
-        }
-        words.len()
-    }
-
-    /// Replays words up to and with the first read, or write, that misses. Returns how many words that were, and of it how many
-    /// lines were missing; 0 when nothing of `words` missed.
+    /// Replays words up to and with the first read that misses. Returns how many words that were, and of the read how
+    /// many lines were missing; 0 when no read of `words` missed.
     ///
     /// # Errors
     /// As of [`Self::words`].
@@ -129,35 +111,10 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
                     return Ok((i + 1, missing));
                 }
             } else {
-                let missing = self.other(word, tally)?;
-                if missing > 0 {
-                    return Ok((i + 1, missing));
-                }
+                mark(word, tally)?;
             }
         }
         Ok((words.len(), 0))
-    }
-
-    /// Replays a word that is no read. Returns how many lines were missing.
-    #[inline(always)]
-    fn other(&mut self, word: u32, tally: &mut impl Tally) -> Result<u32, TraceError> {
-        if let Some(Event::Ray(kind)) = ReferenceWord(word).decode() {
-            tally.ray(kind);
-            return Ok(0);
-        }
-        self.imported(word, tally)
-    }
-
-    /// Replays a word that only traces from elsewhere have: a write is a reference as a read is.
-    #[cold]
-    #[inline(never)]
-    fn imported(&mut self, word: u32, tally: &mut impl Tally) -> Result<u32, TraceError> {
-        let (Some((first, count)), Some(record)) = (not_read(word, self.lines)?, ReferenceWord(word).record()) else {
-            return Ok(0);
-        };
-        let missing = self.reference(first, count);
-        tally.read(record, count, missing);
-        Ok(missing)
     }
 
     /// References lines in ascending order; returns how many were missing.
@@ -194,6 +151,21 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
         self.directory.miss(line, self.placement.set(line, |sets| self.lines.set(line, sets)));
         self.hit_last = NO_LINE;
     }
+}
+
+/// Counts a word that is no read.
+#[inline(always)]
+fn mark(word: u32, tally: &mut impl Tally) -> Result<(), TraceError> {
+    ReferenceWord(word).ray_kind().map(|kind| tally.ray(kind)).ok_or_else(|| no_mark(word))
+}
+
+#[cold]
+#[inline(never)]
+fn no_mark(word: u32) -> TraceError {
+    TraceError(match ReferenceWord(word).decode() {
+        Some(_) => format!("{word:#010x}, expected a read or a ray: tracers write nothing"),
+        None => format!("{word:#010x} is no word that this version knows"),
+    })
 }
 
 /// Sums [`Counters`], all kinds and sections together; what belongs to tiles that were not accepted is left out.

@@ -418,7 +418,8 @@ mod tests {
 
     #[test]
     fn without_invalidations_writes_that_allocate_miss_as_reads_do() {
-        use crate::replay::model::replayer::{Replayer, Sum};
+        use crate::replay::model::replayer::{Replayer, Sum, Tally};
+        use crate::replay::stream::reads::writes_as_reads;
         let text: String =
             mixed().lines().filter(|line| !line.starts_with('v')).flat_map(|line| [line, "\n"]).collect();
         let trace = trace(&text);
@@ -426,7 +427,13 @@ mod tests {
             let lines = trace.lines(shape.0);
             let mut replayer = Replayer::<Lru, _>::new(&lines, geometry(&trace, shape), 1).expect("few");
             let mut sum = Sum::new(&trace);
-            replayer.tile(&trace, 0, &mut sum).expect("a sound trace");
+            let mut words = Vec::new();
+            sum.tile(0);
+            for part in trace.tiles()[0].parts.clone() {
+                trace.read(part, &mut words).expect("a sound trace");
+                writes_as_reads(&mut words);
+                replayer.words(&words, &mut sum).expect("reads");
+            }
             let counted = count_writes(&trace, geometry(&trace, shape), LeastRecent, Writing::default());
             assert_eq!(counted.expect("few").0, sum.finish(), "{shape:?}");
         }

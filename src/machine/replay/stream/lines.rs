@@ -56,13 +56,7 @@ impl Spans {
     /// First line and number of lines of each word.
     #[inline(always)]
     pub fn iter(&self) -> impl Iterator<Item = (u32, u32)> {
-        self.after(0)
-    }
-
-    /// The same, without the first ones, of which there are no more than [`SPANS_MAX`].
-    #[inline(always)]
-    pub fn after(&self, first: usize) -> impl Iterator<Item = (u32, u32)> {
-        self.first[first..].iter().copied().zip(self.count[first..].iter().copied())
+        self.first.iter().copied().zip(self.count.iter().copied())
     }
 }
 

@@ -29,10 +29,19 @@ pub fn for_each(words: &[u32], lines: &impl Lines, mut each: impl FnMut(u32, u32
     Ok(())
 }
 
+/// Makes reads of the writes, and leaves all out that is no reference: what a memory of a tracer knows.
+pub fn writes_as_reads(words: &mut Vec<u32>) {
+    words.retain_mut(|word| {
+        let record = ReferenceWord(*word).record();
+        *word = record.unwrap_or_default();
+        record.is_some()
+    });
+}
+
 /// The lines that a word which is no read references all the same.
 #[cold]
 #[inline(never)]
-pub fn not_read(word: u32, lines: &impl Lines) -> Result<Option<(u32, u32)>, TraceError> {
+fn not_read(word: u32, lines: &impl Lines) -> Result<Option<(u32, u32)>, TraceError> {
     match ReferenceWord(word).decode() {
         Some(Event::Write(record)) => {
             let (first, count) = lines.of(record);
