@@ -112,6 +112,9 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         }
         return Ok(());
     }
+    if arguments.resume.is_some() && out.join("recording/references.json").exists() {
+        outlet::say("note: a resumed run records no references; those of the first part are put aside in earlier");
+    }
     let idle = topology.without_effect_live();
     if !idle.is_empty() && !arguments.quiet {
         outlet::say(format_args!(

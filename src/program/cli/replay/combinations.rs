@@ -14,7 +14,8 @@ pub(super) enum Question {
     Curve,
     Contention,
     Origins,
-    HeatMap,
+    HeatMapMisses,
+    HeatMapOctree,
     /// Line references of one memory: `din`, `oracle-general`.
     ExportLines,
     /// Record reads: `csv`, `json`.
@@ -25,12 +26,13 @@ pub(super) enum Question {
 }
 
 impl Question {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Counts,
         Self::Curve,
         Self::Contention,
         Self::Origins,
-        Self::HeatMap,
+        Self::HeatMapMisses,
+        Self::HeatMapOctree,
         Self::ExportLines,
         Self::ExportReads,
         Self::ExportBus,
@@ -45,7 +47,8 @@ impl Question {
             Self::Curve => "curve",
             Self::Contention => "contention",
             Self::Origins => "origins",
-            Self::HeatMap => "heat-map",
+            Self::HeatMapMisses => "heat-map misses",
+            Self::HeatMapOctree => "heat-map octree",
             Self::ExportLines => "din, oracle-general",
             Self::ExportReads => "csv, json",
             Self::ExportBus => "chrome, vcd",
@@ -60,7 +63,8 @@ impl Question {
             Self::Curve => "--curve",
             Self::Contention => "--contention",
             Self::Origins => "--origins",
-            Self::HeatMap => "--heat-map",
+            Self::HeatMapMisses => "--heat-map misses",
+            Self::HeatMapOctree => "--heat-map octree",
             Self::ExportLines => "--export din or oracle-general",
             Self::ExportReads => "--export csv or json",
             Self::ExportBus => "--export chrome or vcd",
@@ -83,8 +87,23 @@ use Takes::{List, Nothing, One};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Subject {
     Recording,
-    /// A trace that came from elsewhere.
+    /// A trace that came from elsewhere, of bytes, or of objects of which each takes one unit.
     Trace,
+    /// A trace of objects that have sizes.
+    Objects,
+}
+
+impl Subject {
+    const ALL: [Self; 3] = [Self::Recording, Self::Trace, Self::Objects];
+
+    /// The subject, and what else there is.
+    fn named(self) -> [&'static str; 2] {
+        match self {
+            Self::Recording => ["a recording", "a trace that came from elsewhere"],
+            Self::Trace => ["a trace, which is that of one node", "a recording"],
+            Self::Objects => ["caches of objects with sizes", "a recording, or --ignore-object-size"],
+        }
+    }
 }
 
 struct Rule {
@@ -92,73 +111,93 @@ struct Rule {
     option: &'static str,
     /// By question, in the order of [`Question::ALL`].
     takes: [Takes; Question::ALL.len()],
-    /// Whether it has an effect on a recording, and on a trace.
-    of: [bool; 2],
+    /// Whether it has an effect, by subject.
+    of: [bool; Subject::ALL.len()],
 }
 
-const BOTH: [bool; 2] = [true, true];
-const RECORDING: [bool; 2] = [true, false];
-const TRACE: [bool; 2] = [false, true];
-
-/// How a trace is read.
-const INPUT: [Takes; 9] = [One, One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing];
-/// How a memory writes.
-const WRITING: [Takes; 9] = [One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing];
-
-const fn rule(option: &'static str, takes: [Takes; Question::ALL.len()], of: [bool; 2]) -> Rule {
-    Rule { option, takes, of }
+/// `takes`: a character per question, `+` for a list, `1` for one value, `.` for nothing. `of`: the letters of the subjects, r, t and o.
+const fn rule(option: &'static str, takes: &str, of: &str) -> Rule {
+    let (takes, of) = (takes.as_bytes(), of.as_bytes());
+    let mut rule = Rule { option, takes: [Nothing; Question::ALL.len()], of: [false; Subject::ALL.len()] };
+    assert!(takes.len() == Question::ALL.len(), "a character per question");
+    let mut i = 0;
+    while i < takes.len() {
+        rule.takes[i] = match takes[i] {
+            b'+' => List,
+            b'1' => One,
+            _ => Nothing,
+        };
+        i += 1;
+    }
+    let mut i = 0;
+    while i < of.len() {
+        rule.of[match of[i] {
+            b'r' => Subject::Recording,
+            b't' => Subject::Trace,
+            _ => Subject::Objects,
+        } as usize] = true;
+        i += 1;
+    }
+    rule
 }
 
 /// What decides what a memory misses.
-const MEMORY: [Takes; 9] = [List, Nothing, One, One, One, Nothing, Nothing, One, Nothing];
+const MEMORY: &str = "+.111...1.";
 /// What decides what a node reads.
-const TILES: [Takes; 9] = [List, List, One, One, One, One, One, One, Nothing];
+const TILES: &str = "++111.111.";
 /// What decides times alone.
-const TIMES: [Takes; 9] = [List, Nothing, One, Nothing, Nothing, Nothing, Nothing, One, Nothing];
+const TIMES: &str = "+.1.....1.";
+/// How a trace is read.
+const INPUT: &str = "11........";
 
-#[rustfmt::skip]
 const RULES: [Rule; 37] = [
-    rule("local-memory", MEMORY, BOTH),
-    rule("line", [List, List, One, One, One, One, Nothing, One, Nothing], BOTH),
-    rule("ways", MEMORY, BOTH),
-    rule("replacement", MEMORY, BOTH),
-    rule("nodes", [List, List, List, One, One, One, One, One, Nothing], RECORDING),
-    rule("clusters", TILES, RECORDING),
-    rule("tile-order", TILES, RECORDING),
-    rule("assignment", TILES, RECORDING),
-    rule("bus-width", TIMES, RECORDING),
-    rule("arbiter", TIMES, RECORDING),
-    rule("transactions", TIMES, RECORDING),
-    rule("latency", TIMES, RECORDING),
-    rule("cycles-per-word", TIMES, RECORDING),
-    rule("octree-node", TIMES, RECORDING),
-    rule("primitive-test", TIMES, RECORDING),
-    rule("shading", TIMES, RECORDING),
-    rule("local-access", TIMES, RECORDING),
-    rule("classes", [One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing], BOTH),
-    rule("timings", [One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing], RECORDING),
-    rule("verify", [Nothing, One, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing], BOTH),
-    rule("node", [Nothing, Nothing, Nothing, Nothing, Nothing, One, One, Nothing, Nothing], RECORDING),
-    rule("import", INPUT, TRACE),
-    rule("ignore-object-size", INPUT, TRACE),
-    rule("csv-address", INPUT, TRACE),
-    rule("csv-id", INPUT, TRACE),
-    rule("csv-size", INPUT, TRACE),
-    rule("csv-operation", INPUT, TRACE),
-    rule("csv-address-unit", INPUT, TRACE),
-    rule("csv-separator", INPUT, TRACE),
-    rule("csv-header", INPUT, TRACE),
-    rule("write-policy", WRITING, TRACE),
-    rule("write-allocate", WRITING, TRACE),
-    rule("format", [One, One, One, One, Nothing, Nothing, Nothing, Nothing, One], BOTH),
-    rule("output", [Nothing, Nothing, Nothing, Nothing, One, One, One, One, Nothing], RECORDING),
-    rule("partial", [One; 9], RECORDING),
-    rule("token", [Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, One], RECORDING),
-    rule("pace", [Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, Nothing, One], RECORDING),
+    rule("local-memory", MEMORY, "rto"),
+    rule("line", "++111.1.1.", "rt"),
+    rule("ways", MEMORY, "rt"),
+    rule("replacement", MEMORY, "rto"),
+    rule("nodes", "+++11.111.", "r"),
+    rule("clusters", TILES, "r"),
+    rule("tile-order", TILES, "r"),
+    rule("assignment", TILES, "r"),
+    rule("bus-width", TIMES, "r"),
+    rule("arbiter", TIMES, "r"),
+    rule("transactions", TIMES, "r"),
+    rule("latency", TIMES, "r"),
+    rule("cycles-per-word", TIMES, "r"),
+    rule("octree-node", TIMES, "r"),
+    rule("primitive-test", TIMES, "r"),
+    rule("shading", TIMES, "r"),
+    rule("local-access", TIMES, "r"),
+    rule("classes", "1.........", "rt"),
+    rule("timings", "1.........", "r"),
+    rule("verify", ".1........", "rt"),
+    rule("node", "......11..", "r"),
+    rule("import", INPUT, "to"),
+    rule("ignore-object-size", INPUT, "t"),
+    rule("csv-address", INPUT, "to"),
+    rule("csv-id", INPUT, "to"),
+    rule("csv-size", INPUT, "to"),
+    rule("csv-operation", INPUT, "to"),
+    rule("csv-address-unit", INPUT, "to"),
+    rule("csv-separator", INPUT, "to"),
+    rule("csv-header", INPUT, "to"),
+    rule("write-policy", "1.........", "t"),
+    rule("write-allocate", "1.........", "t"),
+    rule("format", "1111.....1", "rto"),
+    rule("output", "....11111.", "r"),
+    rule("partial", "1111111111", "r"),
+    rule("token", ".........1", "r"),
+    rule("pace", ".........1", "r"),
 ];
 
-/// Questions that a trace can answer: it has no tiles, rays, sections or nodes.
-const OF_TRACES: [Question; 2] = [Question::Counts, Question::Curve];
+/// Questions about a subject: a trace has no tiles, rays, sections or nodes, and objects of many sizes have no curve.
+const fn questions_of(subject: Subject) -> &'static [Question] {
+    match subject {
+        Subject::Recording => &Question::ALL,
+        Subject::Trace => &[Question::Counts, Question::Curve],
+        Subject::Objects => &[Question::Counts],
+    }
+}
 
 /// The options that the command line has, by their names.
 #[derive(Clone, Debug, Default)]
@@ -197,16 +236,13 @@ impl Given {
     /// # Errors
     /// The first of these, and what it has an effect on.
     pub(super) fn check(&self, question: Question, subject: Subject) -> Result<(), Failure> {
-        if subject == Subject::Trace && !OF_TRACES.contains(&question) {
-            let what = format!("{}: a trace has no tiles, rays or nodes, expected a recording", question.typed());
+        let [here, expected] = subject.named();
+        if !questions_of(subject).contains(&question) {
+            let what = format!("{} has no effect on {here}, expected {expected}", question.typed());
             return Err(Failure::bad_input(what));
         }
         for Rule { option, takes, of } in RULES.iter().filter(|rule| self.has(rule.option)) {
             if !of[subject as usize] {
-                let (here, expected) = match subject {
-                    Subject::Recording => ("a recording", "a trace that came from elsewhere"),
-                    Subject::Trace => ("a trace, which is that of one node", "a recording"),
-                };
                 return Err(Failure::bad_input(format!("--{option} has no effect on {here}, expected {expected}")));
             }
             if takes[question as usize] == Nothing {
@@ -229,20 +265,13 @@ fn one_of(names: &[&str]) -> String {
     }
 }
 
-/// Whether an option has an effect on a trace, or on nothing else.
-fn of_trace(of: [bool; 2]) -> &'static str {
-    match of {
-        [false, true] => "only",
-        [_, true] => "yes",
-        [_, false] => "",
-    }
-}
-
 /// The table of docs/replay.md.
 #[cfg(test)]
 fn table() -> String {
     let heads = Question::ALL.map(Question::head);
-    let mut out = format!("| option | {} | trace |\n|---{}|---|\n", heads.join(" | "), "|---".repeat(heads.len()));
+    let rule = "|---".repeat(heads.len());
+    let mut out =
+        format!("| option | {} | recording | trace | objects |\n|---{rule}|---|---|---|\n", heads.join(" | "));
     for Rule { option, takes, of } in &RULES {
         let cell = |takes: &Takes| match takes {
             Nothing => "",
@@ -250,16 +279,18 @@ fn table() -> String {
             List => "list",
         };
         let cells = takes.iter().map(cell).collect::<Vec<_>>().join(" | ");
-        let _ = writeln!(out, "| `--{option}` | {cells} | {} |", of_trace(*of));
+        let of = of.map(|has_effect| if has_effect { "yes" } else { "" }).join(" | ");
+        let _ = writeln!(out, "| `--{option}` | {cells} | {of} |");
     }
     out
 }
 
-/// What the options have no effect on is refused: the same table, short enough for a terminal.
+/// The same table, short enough for a terminal.
 pub(super) fn help() -> String {
-    let mut out =
-        "Which option combines with which question (1: one value, +: a list; any other is refused).\ndin: also oracle-general; csv: also json; bus: chrome and vcd.\n\n".to_owned();
-    let heads = ["counts", "curve", "contend", "origins", "heat", "din", "csv", "bus", "to-bus", "trace"];
+    let mut out = "Which option combines with which question (1: one value, +: a list; any other is refused), and of what: recordings (r),\n\
+                   traces from elsewhere (t), objects with sizes (o). din: also oracle-general; csv: also json; bus: chrome and vcd.\n\n"
+        .to_owned();
+    let heads = ["counts", "curve", "contend", "origins", "misses", "octree", "din", "csv", "bus", "to-bus", "of"];
     let _ = writeln!(out, "  {:<20}{}", "", heads.map(|head| format!("{head:>8}")).concat());
     for Rule { option, takes, of } in &RULES {
         let cell = |takes: &Takes| match takes {
@@ -268,8 +299,9 @@ pub(super) fn help() -> String {
             List => "+",
         };
         let cells: String = takes.iter().map(|takes| format!("{:>8}", cell(takes))).collect();
-        let trace = of_trace(*of);
-        let _ = writeln!(out, "{}", format!("  --{option:<18}{cells}{trace:>8}").trim_end());
+        let of: String =
+            ["r", "t", "o"].iter().zip(of).map(|(letter, has_effect)| if *has_effect { letter } else { "" }).collect();
+        let _ = writeln!(out, "{}", format!("  --{option:<18}{cells}{of:>8}").trim_end());
     }
     out
 }
@@ -309,6 +341,7 @@ mod tests {
             ("marti replay o --curve --ways 2", "--ways"),
             ("marti replay o --curve --local-memory all --replacement lru", "--local-memory"),
             ("marti replay o --origins --bus-width 8", "--bus-width"),
+            ("marti replay o --heat-map octree -o a.png --replacement fifo", "--replacement"),
             ("marti replay o --export csv -o a.csv --line 64", "--line"),
             ("marti replay o --export din -o a.din --format json", "--format"),
             ("marti replay o -o a.csv", "--output"),
@@ -332,7 +365,7 @@ mod tests {
             refused("ways", Question::Curve, Subject::Recording).as_deref(),
             Some(
                 "--ways has no effect on --curve, expected it with a table of counts, --contention, --origins, --heat-map \
-                 or --export chrome or vcd"
+                 misses or --export chrome or vcd"
             )
         );
         assert_eq!(
@@ -345,7 +378,7 @@ mod tests {
         );
         assert_eq!(
             refused("line", Question::Contention, Subject::Trace).as_deref(),
-            Some("--contention: a trace has no tiles, rays or nodes, expected a recording")
+            Some("--contention has no effect on a trace, which is that of one node, expected a recording")
         );
         assert_eq!(refused("line", Question::Curve, Subject::Trace), None);
     }

@@ -101,7 +101,8 @@ impl Asked {
             Self { curve: true, .. } => Question::Curve,
             Self { contention: true, .. } => Question::Contention,
             Self { origins: true, .. } => Question::Origins,
-            Self { heat_map: Some(_), .. } => Question::HeatMap,
+            Self { heat_map: Some(HeatMap::Misses), .. } => Question::HeatMapMisses,
+            Self { heat_map: Some(HeatMap::Octree), .. } => Question::HeatMapOctree,
             Self { export: Some(export), .. } => export.question(),
             _ => Question::Counts,
         }
@@ -139,7 +140,7 @@ pub(super) fn replay(arguments: &ReplayArguments) -> Result<(), Failure> {
     arguments.check_output()?;
     match (question, subject) {
         (Question::ToBus, _) => arguments.to_bus.play(&arguments.recording, arguments.partial, arguments.format),
-        (_, Subject::Trace) => replay_trace(arguments),
+        (_, Subject::Trace | Subject::Objects) => replay_trace(arguments),
         (_, Subject::Recording) => replay_recording(arguments, question),
     }
 }
@@ -177,7 +178,8 @@ fn replay_trace(arguments: &ReplayArguments) -> Result<(), Failure> {
     let imported = arguments.import.import(&arguments.recording, &mut settings, &arguments.given)?;
     match imported.is_of_objects() {
         true if !arguments.import.ignores_object_sizes() => {
-            objects::print_objects(&imported, &settings, &arguments.given, arguments.format)
+            arguments.given.check(arguments.asked.question(&arguments.to_bus), Subject::Objects)?;
+            objects::print_objects(&imported, &settings, arguments.format)
         }
         true => arguments.print(&imported, &settings, None, &OF_LINES_AND_RECORDINGS),
         false => arguments.print(&imported, &settings, None, &OF_RECORDINGS),

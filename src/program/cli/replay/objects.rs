@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::combinations::Given;
 use crate::cli::table::{Format, Table};
 use crate::cli::{Failure, print};
 use ground::progress::Parts;
@@ -12,9 +11,6 @@ use machine::replay::model::objects::{ObjectCounters, count_misses};
 use machine::replay::parallel;
 use machine::replay::plan::setting::{Policy, Setting};
 use machine::replay::stream::subject::Subject;
-
-/// Options that need lines, sets or references of one size.
-const OF_LINES: [&str; 7] = ["line", "ways", "classes", "curve", "verify", "write-policy", "write-allocate"];
 
 /// A cache, and what it counted.
 #[derive(Serialize)]
@@ -35,17 +31,7 @@ struct Row {
 /// Columns that are the same in all rows as a rule.
 const SETTINGS: [&str; 5] = ["local_memory", "replacement", "local_bytes", "objects", "objects_bytes"];
 
-pub(super) fn print_objects(
-    imported: &Imported,
-    settings: &[Setting],
-    given: &Given,
-    format: Format,
-) -> Result<(), Failure> {
-    if let Some(option) = OF_LINES.iter().find(|option| given.has(option)) {
-        return Err(Failure::bad_input(format!(
-            "--{option} has no effect on caches of objects with sizes, expected it with --ignore-object-size or a trace of bytes"
-        )));
-    }
+pub(super) fn print_objects(imported: &Imported, settings: &[Setting], format: Format) -> Result<(), Failure> {
     let objects_bytes = u64::try_from(imported.objects_bytes().unwrap_or_default()).unwrap_or(u64::MAX);
     let capacity = |size| match size {
         MemorySize::All => objects_bytes,

@@ -127,6 +127,10 @@ pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, o
         HeatMap::Misses => ("misses", "logarithmic"),
         HeatMap::Octree => ("octree nodes read", "linear"),
     };
-    let heading = Table::new(std::slice::from_ref(setting))?.hiding(&TIMES).heading(&SETTINGS);
-    print(&format!("{heading}\n\n{}: {min} to {max} {unit} per pixel, {scale}\n", out.display()))
+    // Which octree nodes are read does not depend on a setting.
+    let heading = match what {
+        HeatMap::Misses => Table::new(std::slice::from_ref(setting))?.hiding(&TIMES).heading(&SETTINGS) + "\n\n",
+        HeatMap::Octree => String::new(),
+    };
+    print(&format!("{heading}{}: {min} to {max} {unit} per pixel, {scale}\n", out.display()))
 }
