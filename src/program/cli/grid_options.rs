@@ -20,7 +20,7 @@ pub(in crate::cli) struct GridOptions {
     /// Lines of a set, or full; ranges double
     #[arg(long, value_name = "LIST")]
     ways: Option<List<WayCount>>,
-    /// Which line of a full set gives way; lines begin referenced with clock (also clock:1), unreferenced with clock:0
+    /// Which line of a full set is evicted; lines begin referenced with clock (also clock:1), unreferenced with clock:0
     #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
     replacement: Vec<Policy>,
     /// Processing nodes of a cluster; ranges count
@@ -116,38 +116,11 @@ pub(super) const TIMES: [&str; 9] = [
 ];
 
 /// What says nothing of a trace that came from elsewhere: it is of one node, has no tiles, and its words are not known.
-pub(super) const OF_RECORDINGS: [&str; 17] = [
-    "nodes",
-    "clusters",
-    "tile_order",
-    "assignment",
-    "node",
-    "words_read",
-    "words_moved_per_word_read",
-    "exact",
-    TIMES[0],
-    TIMES[1],
-    TIMES[2],
-    TIMES[3],
-    TIMES[4],
-    TIMES[5],
-    TIMES[6],
-    TIMES[7],
-    TIMES[8],
-];
+pub(super) const OF_RECORDINGS: [&str; 8] =
+    ["nodes", "clusters", "tile_order", "assignment", "node", "words_read", "words_moved_per_word_read", "exact"];
 
-/// The same of a trace of objects, each of which takes one unit.
-pub(super) const OF_LINES_AND_RECORDINGS: [&str; 22] = {
-    let mut hidden = [""; OF_RECORDINGS.len() + 5];
-    [hidden[0], hidden[1], hidden[2], hidden[3], hidden[4]] =
-        ["line", "line_accesses", "line_misses", "words_moved", "local_bytes"];
-    let mut i = 0;
-    while i < OF_RECORDINGS.len() {
-        hidden[5 + i] = OF_RECORDINGS[i];
-        i += 1;
-    }
-    hidden
-};
+/// What says nothing of objects that take one unit each.
+pub(super) const OF_LINES: [&str; 5] = ["line", "line_accesses", "line_misses", "words_moved", "local_bytes"];
 
 impl GridOptions {
     pub(in crate::cli) fn grid(&self) -> Grid {

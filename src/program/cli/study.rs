@@ -133,7 +133,7 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     );
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
-    let table = Table::new(&sweep.rows)?.hiding(if are_timed(&sweep.rows) { &[] } else { &TIMES });
+    let table = Table::new(&sweep.rows)?.hiding(if are_timed(&sweep.rows) { &[] } else { &[&TIMES] });
     let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
     output.write(&sweep, || sweep::page(&sweep, text()))?;
     print(&match output.format {

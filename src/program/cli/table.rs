@@ -17,13 +17,16 @@ pub(super) enum Format {
     Csv,
 }
 
+/// Lists of columns that mean nothing in a table.
+pub(super) type Hidden = &'static [&'static [&'static str]];
+
 /// Rows of one kind.
 pub(super) struct Table {
     /// As JSON.
     json: String,
     columns: Vec<String>,
     /// Columns that a person is not shown.
-    hidden: &'static [&'static str],
+    hidden: Hidden,
     /// A value a column.
     rows: Vec<Vec<Value>>,
 }
@@ -63,8 +66,12 @@ impl Table {
         Ok(Self { json, columns, hidden: &[], rows })
     }
 
+    fn is_hidden(&self, column: &str) -> bool {
+        self.hidden.iter().any(|hidden| hidden.contains(&column))
+    }
+
     /// The same table, as text without these columns: they mean nothing in it.
-    pub(super) fn hiding(self, hidden: &'static [&'static str]) -> Self {
+    pub(super) fn hiding(self, hidden: Hidden) -> Self {
         Self { hidden, ..self }
     }
 
@@ -75,7 +82,7 @@ impl Table {
             .columns
             .iter()
             .zip(first)
-            .filter(|(column, _)| settings.contains(&column.as_str()) && !self.hidden.contains(&column.as_str()));
+            .filter(|(column, _)| settings.contains(&column.as_str()) && !self.is_hidden(column));
         wrapped(shown.map(|(column, value)| setting(column, value)))
     }
 
@@ -95,7 +102,7 @@ impl Table {
         let (mut heading, mut columns) = (Vec::new(), Vec::new());
         for (i, column) in self.columns.iter().enumerate() {
             let is_setting = settings.contains(&column.as_str());
-            if self.hidden.contains(&column.as_str()) {
+            if self.is_hidden(column) {
             } else if is_setting && !varies(i) {
                 heading.push(setting(column, &first[i]));
             } else if column != "reason" && (is_setting || is_filled(i)) {

@@ -155,7 +155,7 @@ impl FromStr for Numbers {
     }
 }
 
-/// As it is told: `records of polygons of 300 bytes, numbers of f64`.
+/// In words: `records of polygons of 300 bytes, numbers of f64`.
 impl fmt::Display for RecordLayout {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "records of {}", self.objects.name())?;

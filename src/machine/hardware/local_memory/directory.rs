@@ -76,17 +76,12 @@ impl<R: Replacement> Directory<R> {
         self.replacement.hit(slot);
     }
 
-    /// Gives a line that is not in the memory a slot of this set, which is the line's own.
+    /// Gives a line that is not in the memory a slot of this set, which is the line's own. Returns the line that is evicted for it.
     ///
     /// # Panics
     /// `line` is not below the number of lines, `set` is not below that of sets, or the policy's victim is not a slot
     /// of the set.
     #[inline(always)]
-    pub fn miss(&mut self, line: u32, set: u32) {
-        self.fill(line, set);
-    }
-
-    /// As [`Self::miss`]. Returns the line that is evicted for it.
     pub fn place(&mut self, line: u32, set: u32) -> Option<u32> {
         match self.fill(line, set) {
             Reference::Miss { evicted, .. } => evicted,

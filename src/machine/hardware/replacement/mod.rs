@@ -7,7 +7,7 @@ mod lru;
 mod plru;
 pub(crate) mod queues;
 mod random;
-mod s3_fifo;
+pub(crate) mod s3_fifo;
 mod sieve;
 mod srrip;
 

@@ -42,11 +42,11 @@ struct Set {
 }
 
 /// Of a set's ways.
-const SMALL_SHARE: f64 = 0.1;
+pub(crate) const SMALL_SHARE: f64 = 0.1;
 /// Of a set's ways, as many lines are remembered.
-const GHOST_SHARE: f64 = 0.9;
-const HITS_TO_MAIN: u8 = 2;
-const FREQUENCY_MAX: u8 = 3;
+pub(crate) const GHOST_SHARE: f64 = 0.9;
+pub(crate) const HITS_TO_MAIN: u8 = 2;
+pub(crate) const FREQUENCY_MAX: u8 = 3;
 
 impl Replacement for S3Fifo {
     const REPEATED_HITS_COUNT: bool = true;

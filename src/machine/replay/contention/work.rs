@@ -73,7 +73,7 @@ enum Doing {
 }
 
 impl<'a, S: Subject, R: Replacement, F: FnMut(Step)> RecordedWork<'a, S, R, F> {
-    /// The setting's number of nodes with such memories; of assigned tiles there is a list a node. `on_step` is told of
+    /// The setting's number of nodes with such memories; of assigned tiles there is a list per node. `on_step` gets
     /// each step.
     ///
     /// # Errors

@@ -115,13 +115,15 @@ struct ZstdFrames<R> {
     input: R,
     decoder: FrameDecoder,
     in_frame: bool,
+    /// What was decompressed of the frame so far.
+    frame_bytes: u64,
 }
 
 impl<R: BufRead> ZstdFrames<R> {
     fn new(input: R) -> Self {
         let mut decoder = FrameDecoder::new();
         decoder.set_max_window_size(WINDOW_BYTES_MAX);
-        Self { input, decoder, in_frame: false }
+        Self { input, decoder, in_frame: false, frame_bytes: 0 }
     }
 
     /// Begins the next frame; `false` at the end of the file.
@@ -129,7 +131,7 @@ impl<R: BufRead> ZstdFrames<R> {
         while !self.input.fill_buf()?.is_empty() {
             match self.decoder.reset(&mut self.input) {
                 Ok(()) => {
-                    self.in_frame = true;
+                    (self.in_frame, self.frame_bytes) = (true, 0);
                     return Ok(true);
                 }
                 Err(FrameDecoderError::ReadFrameHeaderError(ReadFrameHeaderError::SkipFrame { length, .. })) => {
@@ -146,6 +148,12 @@ impl<R: BufRead> ZstdFrames<R> {
 
     fn end(&mut self) -> io::Result<()> {
         self.in_frame = false;
+        // 0 where the frame does not say it.
+        let (found, expected) = (self.frame_bytes, self.decoder.content_size());
+        if expected > 0 && found != expected {
+            let what = format!("a frame of {found} bytes, expected {expected} as it says");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+        }
         match (self.decoder.get_checksum_from_data(), self.decoder.get_calculated_checksum()) {
             (Some(found), Some(calculated)) if found != calculated && !cfg!(fuzzing) => {
                 let what = format!("checksum {found:#010x} of a frame, expected {calculated:#010x}");
@@ -168,6 +176,7 @@ impl<R: BufRead> Read for ZstdFrames<R> {
             }
             let read = self.decoder.read(buffer)?;
             if read > 0 {
+                self.frame_bytes += read as u64;
                 return Ok(read);
             }
             if self.decoder.is_finished() {

@@ -179,7 +179,7 @@ fn has_header(names: &[&[u8]], options: &CsvOptions) -> Result<bool, (usize, Str
     if names.iter().any(is_number) {
         return Ok(false);
     }
-    let what = "a first row without a number or a known name, expected to be told whether it names the columns";
+    let what = "a first row without a number or a known name, expected --csv-header: whether it names the columns";
     Err((0, what.to_owned()))
 }
 
@@ -254,7 +254,7 @@ impl Header<'_> {
         if self.is_there {
             format!("no column of addresses or ids, expected one named {names}, or to be told which")
         } else {
-            "no names of columns, expected to be told the numbers of those that are used".to_owned()
+            "no names of columns, expected the numbers of those that are used, such as --csv-address 1".to_owned()
         }
     }
 }

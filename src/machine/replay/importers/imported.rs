@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use super::TableLines;
 use super::table_lines::Extent;
 use crate::hardware::references::PART_WORDS;
-use crate::replay::{Lines, Trace, TraceError, TracedTile};
+use crate::replay::{Trace, TraceError, TracedTile};
 use ground::ids::{Attempt, Epoch, NodeId, TileId};
 
 /// References of one node in one tile. What was referenced, each different pair of address and size, or of object and size, is a
@@ -121,11 +121,6 @@ impl Imported {
         let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
         let lines = || self.contents.lines(line_bytes).unwrap_or_else(|_| unreachable!("longer lines are fewer"));
         tables.entry(self.contents.table_of(line_bytes)).or_insert_with(lines).clone()
-    }
-
-    /// Of all different lines of so many bytes that are referenced; objects have that many bytes each.
-    pub fn database_bytes(&self, line_bytes: u32) -> u64 {
-        u64::from(self.lines(line_bytes).count()) * u64::from(line_bytes)
     }
 
     /// What was counted as the trace was read.

@@ -148,7 +148,7 @@ impl<'a, R: Replacement, L: Lines> Replayer<'a, R, L> {
     #[cold]
     #[inline(never)]
     fn miss(&mut self, line: u32) {
-        self.directory.miss(line, self.placement.set(line, |sets| self.lines.set(line, sets)));
+        self.directory.place(line, self.placement.set(line, |sets| self.lines.set(line, sets)));
         self.hit_last = NO_LINE;
     }
 }

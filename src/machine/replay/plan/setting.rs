@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::hardware::specification::{self, Arbiter, Bus, Cluster, MemorySize, Processor, Transactions};
 use crate::tile_order::TileOrder;
 
-/// Which line of a full set gives way.
+/// Which line of a full set is evicted.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {

@@ -140,7 +140,7 @@ mod tests {
                 false
             }
             None => {
-                directory.miss(line, lines.set(line, sets.into()) as u32);
+                directory.place(line, lines.set(line, sets.into()) as u32);
                 true
             }
         };
@@ -156,7 +156,7 @@ mod tests {
                 false
             }
             None => {
-                directory.miss(line, placement.set(line, |sets| lines.set(line, sets)));
+                directory.place(line, placement.set(line, |sets| lines.set(line, sets)));
                 true
             }
         };

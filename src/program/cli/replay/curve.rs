@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::cli::grid_options::SETTINGS;
-use crate::cli::table::{Format, Table};
+use crate::cli::table::{Format, Hidden, Table};
 use crate::cli::{Failure, print};
 use ground::outlet;
 use machine::replay::model::counts::ratio;
@@ -50,7 +50,7 @@ pub(super) fn print_curves<S: Subject>(
     format: Format,
     is_verified: bool,
     is_damaged: bool,
-    hidden: &'static [&'static str],
+    hidden: Hidden,
 ) -> Result<(), Failure> {
     let mut rows = Vec::new();
     let mut seen = Vec::new();

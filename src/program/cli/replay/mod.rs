@@ -18,8 +18,8 @@ use self::export::Export;
 use self::import::ImportArguments;
 use self::origins::HeatMap;
 use self::to_bus::ToBus;
-use super::grid_options::{GridOptions, OF_LINES_AND_RECORDINGS, OF_RECORDINGS, SETTINGS, TIMES};
-use super::table::{Format, Table};
+use super::grid_options::{GridOptions, OF_LINES, OF_RECORDINGS, SETTINGS, TIMES};
+use super::table::{Format, Hidden, Table};
 use super::{Failure, output_path, print};
 use cluster::topology::recorded::open_references;
 use ground::outlet;
@@ -161,7 +161,7 @@ fn replay_recording(arguments: &ReplayArguments, question: Question) -> Result<(
         (Question::Origins, ..) => origins::print_origins(&recording, &settings, format)?,
         (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, *what, out)?,
         (.., Some(export), Some(out)) => export::export(&recording, &settings, *export, *node, out)?,
-        _ => return arguments.print(&recording, &settings, damage, &TIMES),
+        _ => return arguments.print(&recording, &settings, damage, &[&TIMES]),
     }
     print_approximate(damage.as_deref(), format)
 }
@@ -181,8 +181,8 @@ fn replay_trace(arguments: &ReplayArguments) -> Result<(), Failure> {
             arguments.given.check(arguments.asked.question(&arguments.to_bus), Subject::Objects)?;
             objects::print_objects(&imported, &settings, arguments.format)
         }
-        true => arguments.print(&imported, &settings, None, &OF_LINES_AND_RECORDINGS),
-        false => arguments.print(&imported, &settings, None, &OF_RECORDINGS),
+        true => arguments.print(&imported, &settings, None, &[&OF_LINES, &OF_RECORDINGS, &TIMES]),
+        false => arguments.print(&imported, &settings, None, &[&OF_RECORDINGS, &TIMES]),
     }
 }
 
@@ -193,7 +193,7 @@ impl ReplayArguments {
         subject: &S,
         settings: &[Setting],
         damage: Option<String>,
-        hidden: &'static [&'static str],
+        hidden: Hidden,
     ) -> Result<(), Failure> {
         let Asked { curve, verify, contention, timings, classes, .. } = self.asked;
         if curve {
@@ -218,7 +218,7 @@ pub(super) fn are_timed(rows: &[Row]) -> bool {
     rows.iter().any(|row| row.cycles.is_some())
 }
 
-fn print_rows(rows: &[Row], format: Format, hidden: &'static [&'static str]) -> Result<(), Failure> {
+fn print_rows(rows: &[Row], format: Format, hidden: Hidden) -> Result<(), Failure> {
     let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
     reasons.sort_unstable();
     reasons.dedup();

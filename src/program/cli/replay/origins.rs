@@ -104,7 +104,7 @@ pub(super) fn print_origins(recording: &Recording, settings: &[Setting], format:
         tiles.truncate(10);
     }
     tiles.into_iter().for_each(|(tile, totals)| add("tile", tile.to_string(), totals));
-    print(&Table::new(&rows)?.hiding(&TIMES).print(format, &SETTINGS))
+    print(&Table::new(&rows)?.hiding(&[&TIMES]).print(format, &SETTINGS))
 }
 
 pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, out: &Path) -> Result<(), Failure> {
@@ -129,7 +129,7 @@ pub(super) fn draw(recording: &Recording, settings: &[Setting], what: HeatMap, o
     };
     // Which octree nodes are read does not depend on a setting.
     let heading = match what {
-        HeatMap::Misses => Table::new(std::slice::from_ref(setting))?.hiding(&TIMES).heading(&SETTINGS) + "\n\n",
+        HeatMap::Misses => Table::new(std::slice::from_ref(setting))?.hiding(&[&TIMES]).heading(&SETTINGS) + "\n\n",
         HeatMap::Octree => String::new(),
     };
     print(&format!("{heading}{}: {min} to {max} {unit} per pixel, {scale}\n", out.display()))

@@ -108,3 +108,12 @@ fn a_fault_far_in_a_stream_has_the_line_that_it_comes_at() {
         error.strip_prefix("f:").and_then(|rest| rest.strip_suffix(&end)).expect(&error).parse().expect(&error);
     assert!((90_000..110_000).contains(&line), "{error}");
 }
+
+#[test]
+fn a_frame_has_as_many_bytes_as_it_says() {
+    // One raw block of five bytes; the byte before it is the size of the frame's content.
+    let frame = |size: u8| [b"\x28\xb5\x2f\xfd\x20", &[size][..], b"\x29\x00\x00", b"0 40\n"].concat();
+    assert_eq!(references(&frame(5)), Ok(1));
+    let error = references(&frame(6)).expect_err("a lie");
+    assert!(error.contains("a frame of 5 bytes, expected 6 as it says"), "{error}");
+}

@@ -80,11 +80,15 @@ fn bad_tables_are_named_by_their_place() {
             plain(),
             &format!("f:1:1: no column of addresses or ids, expected one named {names}, or to be told which"),
         ),
-        ("1,2\n", plain(), "f:1:1: no names of columns, expected to be told the numbers of those that are used"),
+        (
+            "1,2\n",
+            plain(),
+            "f:1:1: no names of columns, expected the numbers of those that are used, such as --csv-address 1",
+        ),
         (
             "a,b\n",
             by("1"),
-            "f:1:1: a first row without a number or a known name, expected to be told whether it names the columns",
+            "f:1:1: a first row without a number or a known name, expected --csv-header: whether it names the columns",
         ),
         ("a,b\n1,2\n", by("c"), "f:1:1: no column \"c\", expected one of \"a\", \"b\""),
         ("1,2\n", by("3"), "f:1:1: no column 3, expected one of 1 to 2"),

@@ -3,6 +3,7 @@
 use super::store::Cache;
 use super::{ObjectCounters, Request};
 use crate::hardware::replacement::queues::Queues;
+use crate::hardware::replacement::s3_fifo::{FREQUENCY_MAX, GHOST_SHARE, HITS_TO_MAIN, SMALL_SHARE};
 
 /// A small queue of a tenth of the bytes, a main queue of the rest, and a ghost queue that remembers objects of nine tenths.
 ///
@@ -31,11 +32,6 @@ const MAIN: u8 = 1;
 const GHOST: u8 = 2;
 const QUEUES: usize = 3;
 const NOWHERE: u8 = QUEUES as u8;
-/// Of the bytes of the cache.
-const SMALL_SHARE: f64 = 0.1;
-const GHOST_SHARE: f64 = 0.9;
-const HITS_TO_MAIN: u8 = 2;
-const FREQUENCY_MAX: u8 = 3;
 
 impl S3Fifo {
     pub(super) fn new(capacity: u64, objects: u32) -> Self {
