@@ -151,10 +151,10 @@ const TIMES: &str = "+.1.....1.";
 const INPUT: &str = "11........";
 
 const RULES: [Rule; 37] = [
-    rule("local-memory", MEMORY, "rto"),
+    rule("local-memory", MEMORY, "rot"),
     rule("line", "++111.1.1.", "rt"),
     rule("ways", MEMORY, "rt"),
-    rule("replacement", MEMORY, "rto"),
+    rule("replacement", MEMORY, "rot"),
     rule("nodes", "+++11.111.", "r"),
     rule("clusters", TILES, "r"),
     rule("tile-order", TILES, "r"),
@@ -183,7 +183,7 @@ const RULES: [Rule; 37] = [
     rule("csv-header", INPUT, "to"),
     rule("write-policy", "1.........", "t"),
     rule("write-allocate", "1.........", "t"),
-    rule("format", "1111.....1", "rto"),
+    rule("format", "1111.....1", "rot"),
     rule("output", "....11111.", "r"),
     rule("partial", "1111111111", "r"),
     rule("token", ".........1", "r"),
