@@ -1,10 +1,9 @@
-//! The manager of a run, and the only command that a person types.
+//! All of marti: the commands that a person types, and the processes that they start.
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use program::cli::{Arguments, entry};
 
 fn main() -> ExitCode {
-    entry::enter(|| Arguments::parse().carry_out().map(|()| ExitCode::SUCCESS))
+    entry::enter(|| entry::parse::<Arguments>().carry_out())
 }

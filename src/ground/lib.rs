@@ -10,5 +10,6 @@ pub mod processor_time;
 pub mod progress;
 pub mod pulse;
 pub mod regular_file;
+pub mod role_program;
 pub mod secret_file;
 pub mod telemetry;

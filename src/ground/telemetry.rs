@@ -4,20 +4,20 @@ use std::backtrace::{Backtrace, BacktraceStatus};
 use std::path::Path;
 use std::sync::OnceLock;
 
-use tracing_subscriber::EnvFilter;
+use tracing::level_filters::LevelFilter;
 
 use crate::outlet::{Outlet, STANDARD_ERROR};
 
-/// Names what is logged, in the syntax of `tracing_subscriber::EnvFilter`: `MARTI_LOG=debug`.
-pub const FILTER_VARIABLE: &str = "MARTI_LOG";
+/// Names the least severe level that is logged: `MARTI_LOG=debug`.
+pub const LEVEL_VARIABLE: &str = "MARTI_LOG";
 
 /// The file of this process's log, if it has one.
 static LOG: OnceLock<Outlet> = OnceLock::new();
 
 #[derive(Debug, thiserror::Error)]
 pub enum TelemetryError {
-    #[error("{FILTER_VARIABLE} is not a filter: {0}; expected for example `info` or `marti=debug`")]
-    Filter(#[from] tracing_subscriber::filter::ParseError),
+    #[error("{LEVEL_VARIABLE} is not a level, expected off, error, warn, info, debug or trace")]
+    Level,
     #[error("a log was started before")]
     Started,
 }
@@ -26,15 +26,15 @@ pub enum TelemetryError {
 /// cannot be written are counted ([`lost`]).
 ///
 /// # Errors
-/// [`FILTER_VARIABLE`] is not a filter, or a log was started before.
+/// [`LEVEL_VARIABLE`] is not a level, or a log was started before.
 pub fn start(path: Option<&Path>) -> Result<(), TelemetryError> {
-    let filter = match std::env::var(FILTER_VARIABLE) {
-        Ok(directives) => EnvFilter::try_new(directives)?,
-        Err(_) => EnvFilter::new("info"),
+    let level = match std::env::var_os(LEVEL_VARIABLE) {
+        Some(name) => name.to_str().and_then(|name| name.parse().ok()).ok_or(TelemetryError::Level)?,
+        None => LevelFilter::INFO,
     };
     let log: &'static Outlet = path.map_or(&STANDARD_ERROR, |path| LOG.get_or_init(|| Outlet::file(path)));
     // Its own message about a line that it cannot write would panic where standard error cannot be written either.
-    let subscriber = tracing_subscriber::fmt().log_internal_errors(false).with_env_filter(filter).with_ansi(false);
+    let subscriber = tracing_subscriber::fmt().log_internal_errors(false).with_max_level(level).with_ansi(false);
     let subscriber = subscriber.with_writer(move || log).finish();
     tracing::subscriber::set_global_default(subscriber).map_err(|_| TelemetryError::Started)?;
     let is_file = path.is_some();

@@ -193,17 +193,26 @@ fn a_manager_that_is_killed_leaves_no_child_for_more_than_three_seconds() {
 }
 
 #[test]
-fn a_missing_program_is_named() {
+fn one_file_plays_all_roles_and_the_others_only_name_it() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let alone = folder.path().join("marti");
-    fs::copy(env!("CARGO_BIN_EXE_marti"), &alone).expect("the manager can be copied");
-    let output = std::process::Command::new(&alone)
-        .args(["run", TEAPOT, "--out"])
-        .arg(folder.path().join("out"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .expect("the copy can be started");
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains("marti-bus and marti-display") && stderr.contains("cargo build --release"), "{stderr}");
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = std::process::Command::new(folder.path().join(program));
+        command.args(arguments).current_dir(folder.path()).stdin(std::process::Stdio::null());
+        let output = command.output().expect("the copy can be started");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    fs::copy(env!("CARGO_BIN_EXE_marti-node"), folder.path().join("marti-node")).expect("it can be copied");
+    let (code, stderr) = run("marti-node", &[]);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("/marti: ") && stderr.contains("belong in one folder"), "{stderr}");
+
+    fs::copy(env!("CARGO_BIN_EXE_marti"), folder.path().join("marti")).expect("it can be copied");
+    let (code, stderr) = run("marti-node", &["--host", "x"]);
+    assert_eq!(code, Some(2), "{stderr}");
+    assert!(stderr.contains("--host has no effect without --join") && stderr.contains("Usage: marti node"), "{stderr}");
+    fs::remove_file(folder.path().join("marti-node")).expect("it is there");
+    let teapot = format!("{}/{TEAPOT}", env!("CARGO_MANIFEST_DIR"));
+    let (code, stderr) =
+        run("marti", &["run", &teapot, "--set", "image.width=32", "--set", "image.height=32", "--out", "out"]);
+    assert_eq!(code, Some(0), "{stderr}");
 }

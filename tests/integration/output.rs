@@ -72,7 +72,7 @@ fn a_run_that_is_refused_leaves_an_earlier_runs_results_as_they_were() {
     let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("bound").to_string();
     let refusals: [(&[&str], Option<&str>, i32, &str); 4] = [
-        (&[], Some("not a [filter"), 2, "MARTI_LOG is not a filter"),
+        (&[], Some("marti=debug"), 2, "MARTI_LOG is not a level, expected off, error, warn"),
         (&["--health", &address], None, 1, &address),
         (&["--listen", &address], None, 1, &address),
         (&["--set", "scene.file=none.nff"], None, 2, "none.nff"),

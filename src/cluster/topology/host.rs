@@ -44,7 +44,7 @@ impl Launch {
 
 impl Host {
     /// The machine of a topology that names none.
-    pub(super) fn here(nodes: u16) -> Self {
+    pub(crate) fn here(nodes: u16) -> Self {
         Self {
             name: "localhost".to_owned(),
             bind: None,

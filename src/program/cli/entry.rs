@@ -1,5 +1,6 @@
-//! What the programs have in common: how each begins, and how those go on that `marti run` starts, or that join it.
+//! How the program begins, and how the processes go on that `marti run` starts, or that join it.
 
+use std::ffi::CString;
 use std::fmt::Display;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use std::time::Duration;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, Error, FromArgMatches};
+use nix::sys::prctl;
 use nix::sys::signal::{SigHandler, Signal, signal};
 
 use super::Failure;
@@ -18,7 +20,7 @@ use cluster::protocol::hello::Role;
 use cluster::topology::value::Seconds;
 use ground::floating_point;
 
-/// What each program does first and last. A file-size limit becomes an error of the write that exceeds it (EFBIG) instead of
+/// What the program does first and last. A file-size limit becomes an error of the write that exceeds it (EFBIG) instead of
 /// the process's death, and a floating-point environment that could change the image is refused with exit code 1.
 pub fn enter(play: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
     // SAFETY: an ignored signal runs no handler.
@@ -68,12 +70,18 @@ pub struct JoinArguments {
 /// starts inherit it.
 const OF_JOINING: [&str; 7] = ["interface", "advertise", "host", "keys", "token", "patience", "health"];
 
-/// Reads the command line of a process that may join. Ends the process where an option would have no effect.
+/// Reads the command line. Ends the process where it cannot be read, and where an option of joining would have no effect.
 pub fn parse<A: CommandFactory + FromArgMatches>() -> A {
     let mut command = A::command();
     let matches = command.get_matches_mut();
-    let read = check_joining(&matches).and_then(|()| A::from_arg_matches(&matches));
+    let joining = matches.subcommand().map(|(_, arguments)| arguments).filter(|arguments| may_join(arguments));
+    let read = joining.map_or(Ok(()), check_joining).and_then(|()| A::from_arg_matches(&matches));
     read.unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+/// Whether the command has the options of [`JoinArguments`].
+fn may_join(matches: &ArgMatches) -> bool {
+    matches.try_contains_id("join").is_ok()
 }
 
 fn check_joining(matches: &ArgMatches) -> Result<(), Error> {
@@ -92,30 +100,38 @@ fn check_joining(matches: &ArgMatches) -> Result<(), Error> {
     Ok(())
 }
 
+/// Gives this process its role's name, by which `ps` and `pgrep` find it.
+pub(super) fn name_process(program: &str) {
+    // The name of Linux has 15 bytes at most, and it is for people alone: a failure changes nothing.
+    let _ = CString::new(program).map(|name| prctl::set_name(&name));
+}
+
 impl JoinArguments {
-    fn origin(self) -> Origin {
-        let Some((manager, port)) = self.join else { return Origin::Spawned };
+    fn origin(&self) -> Origin {
+        let Self { join, interface, advertise, host, keys, token, patience, health } = self.clone();
+        let Some((manager, port)) = join else { return Origin::Spawned };
         Origin::Joining(Box::new(Joining {
             manager,
             port,
-            token: self.token,
-            keys: self.keys,
-            host: self.host,
-            bind: self.interface,
-            advertise: self.advertise,
-            patience: Duration::from_secs_f64(self.patience.0),
-            health: self.health,
+            token,
+            keys,
+            host,
+            bind: interface,
+            advertise,
+            patience: Duration::from_secs_f64(patience.0),
+            health,
         }))
     }
 
     /// Plays a role from start to end. A process that joined begins anew when its run has failed under it.
     pub fn play<E: Display>(
-        self,
+        &self,
         program: &'static str,
         role: Role,
         run: impl FnOnce(&Child) -> Result<(), E>,
     ) -> ExitCode {
         let failed = |error: &dyn Display| Failure::failed(error.to_string()).report();
+        name_process(program);
         let child = match Child::start(program, role, &self.origin()) {
             Ok(child) => child,
             Err(error) => return failed(&error),

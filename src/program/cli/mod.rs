@@ -12,6 +12,7 @@ pub mod options;
 mod output_path;
 pub mod render;
 pub mod replay;
+pub mod roles;
 pub mod run;
 pub mod scene;
 pub mod schema;
@@ -23,6 +24,7 @@ mod view_options;
 mod watertight;
 
 use std::io::{self, ErrorKind, Write};
+use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
@@ -30,7 +32,7 @@ pub use failure::{Exit, Failure};
 
 /// Render with many processes through small local memories, and see what crosses the bus.
 #[derive(Debug, Parser)]
-#[command(name = "marti", version, arg_required_else_help = true)]
+#[command(name = "marti", bin_name = "marti", version, arg_required_else_help = true)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -48,13 +50,17 @@ enum Command {
     Verify(verify::VerifyArguments),
     Study(study::StudyArguments),
     Schema(schema::SchemaArguments),
+    Node(roles::NodeArguments),
+    Master(roles::MasterArguments),
+    Bus(roles::BusArguments),
+    Display(roles::DisplayArguments),
 }
 
 impl Arguments {
     /// # Errors
     /// What went wrong, and the code to exit with.
-    pub fn carry_out(&self) -> Result<(), Failure> {
-        match &self.command {
+    pub fn carry_out(&self) -> Result<ExitCode, Failure> {
+        let done = match &self.command {
             Command::Run(arguments) => run::run(arguments),
             Command::Render(arguments) => render::render(arguments),
             Command::Scene(arguments) => scene::scene(arguments),
@@ -65,7 +71,12 @@ impl Arguments {
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Study(arguments) => study::study(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
-        }
+            Command::Node(arguments) => return Ok(arguments.play()),
+            Command::Master(arguments) => return Ok(arguments.play()),
+            Command::Bus(arguments) => return arguments.play(),
+            Command::Display(arguments) => return Ok(arguments.play()),
+        };
+        done.map(|()| ExitCode::SUCCESS)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The hostile node of the tests: `marti-node` in every respect, unless its bootstrap says that it is node
+//! `marti` with the hostile node of the tests: `marti` in every respect, unless it is `marti node`, its bootstrap says that it is node
 //! MARTI_EVIL_NODE (0 if unset) and MARTI_EVIL names a [`Mode`].
 
 mod bus;
@@ -22,7 +22,7 @@ use ::ground::ids::NodeId;
 use clap::{Parser, ValueEnum};
 use cluster::processes::{Child, node as true_node};
 use cluster::protocol::hello::Role;
-use program::cli::entry::JoinArguments;
+use program::cli::entry::{self, JoinArguments};
 
 use self::ground::Ground;
 use self::mode::Mode;
@@ -39,7 +39,13 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    Arguments::parse().join.play("marti-node", Role::Node(NodeId(0)), run)
+    let mut arguments = env::args_os().peekable();
+    let program = arguments.next();
+    if arguments.next_if(|role| role == "node").is_none() {
+        return entry::enter(|| entry::parse::<program::cli::Arguments>().carry_out());
+    }
+    let Arguments { join } = Arguments::parse_from(program.into_iter().chain(arguments));
+    join.play("marti-node", Role::Node(NodeId(0)), run)
 }
 
 fn run(child: &Child) -> Outcome {

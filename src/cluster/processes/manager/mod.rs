@@ -33,8 +33,7 @@ use self::cause::Cause;
 pub use self::cause::Interrupt;
 use self::folder::output_folder::{Opening, OutputError, OutputFolder};
 use self::folder::{output_folder, recorded};
-use self::launch::executables::Executables;
-pub use self::launch::executables::MissingExecutable;
+use self::launch::programs::Programs;
 use self::plan::Plan;
 use super::event_queue::event_queue;
 use super::health::HealthError;
@@ -133,8 +132,6 @@ pub enum RunError {
     #[error("--chaos: {0}")]
     Chaos(#[from] chaos::NoSuchSlot),
     #[error(transparent)]
-    MissingExecutable(#[from] MissingExecutable),
-    #[error(transparent)]
     Health(#[from] HealthError),
     /// What is to be resumed cannot be.
     #[error(transparent)]
@@ -168,7 +165,7 @@ impl RunError {
             Self::Health(error) => matches!(error, HealthError::NotLoopback(_)),
             // A folder that another process has may be free the next time.
             Self::Folder(error) => matches!(error, OutputError::Foreign { .. } | OutputError::NotUnicode(_)),
-            Self::Telemetry(error) => matches!(error, TelemetryError::Filter(_)),
+            Self::Telemetry(error) => matches!(error, TelemetryError::Level),
             _ => false,
         }
     }
@@ -195,7 +192,8 @@ pub fn finished(out: &Path) -> Option<Report> {
 /// The scene is wrong, the output folder is another's or cannot be written, or a process failed that cannot be replaced.
 pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     let start = Instant::now();
-    let executables = Executables::beside_this_one()?;
+    let programs = Programs::of_this_process()
+        .map_err(|error| RunError::System { what: "path of this program", error: error.to_string() })?;
     let RunRequest { topology, out, .. } = &request;
     if request.record_references && topology.cluster.local_memory.size == MemorySize::All {
         return Err(RunError::NothingToRecord);
@@ -280,7 +278,7 @@ pub fn run(request: RunRequest) -> Result<RunOutcome, RunError> {
     }
     let run = shell::Run {
         start,
-        executables,
+        programs,
         credentials: Credentials { tls, joiners: plan.placement.has_joiners(), ..Credentials::plain(secret) },
         identities,
         warnings: warning.into_iter().chain(folder.warning()).collect(),

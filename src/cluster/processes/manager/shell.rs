@@ -19,7 +19,7 @@ use super::disturbance::Disturbance;
 use super::event::{Action, Event};
 use super::folder::output_folder::OutputFolder;
 use super::launch::children::{Children, HEARTBEATS};
-use super::launch::executables::Executables;
+use super::launch::programs::Programs;
 use super::metrics;
 use super::plan::Plan;
 use super::process::ProcessId;
@@ -43,7 +43,7 @@ const EVENTS_MAX: usize = 1024;
 /// What a run needs besides its plan.
 pub(super) struct Run {
     pub(super) start: Instant,
-    pub(super) executables: Executables,
+    pub(super) programs: Programs,
     pub(super) credentials: Credentials,
     pub(super) identities: Vec<Identity>,
     /// Said loudly, and in the report.
@@ -189,7 +189,7 @@ impl Shell {
     ) -> Self {
         let deadlines = plan.run.deadlines;
         let children = Children {
-            executables: run.executables.clone(),
+            programs: run.programs.clone(),
             logs: watch::Sender::new(logs),
             token: run.credentials.token,
             identities: run.identities.clone(),

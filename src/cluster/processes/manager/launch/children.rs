@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
-use super::executables::Executables;
 use super::lifecycle::{self, Link, Log, Monitor, Order};
+use super::programs::Programs;
 use super::slots::JoinSlots;
 use crate::keys::Identity;
 use crate::processes::control_link::{ORPHAN_GRACE, patience};
@@ -29,7 +29,7 @@ const CONFIRM_MARGIN: Duration = Duration::from_secs(1);
 
 /// Starts and kills; each process has a task of its own that waits for its end and reports it.
 pub(in crate::processes::manager) struct Children {
-    pub(in crate::processes::manager) executables: Executables,
+    pub(in crate::processes::manager) programs: Programs,
     pub(in crate::processes::manager) placement: Placement,
     /// The folder of their logs, which moves once.
     pub(in crate::processes::manager) logs: watch::Sender<PathBuf>,
@@ -82,16 +82,15 @@ impl Children {
             );
             return;
         }
-        let program = self.executables.path(id, host.programs.as_deref());
-        let command = host.command(&program).unwrap_or_else(|| vec![program]);
+        let invocation = self.programs.invocation(id, host);
         tokio::spawn(async move {
-            let how = match lifecycle::start(&command, !is_local, &bootstrap, &log).await {
+            let how = match lifecycle::start(&invocation, &bootstrap, &log).await {
                 Ok(child) if is_local => {
                     let mut monitor = monitor;
                     lifecycle::watch(child, &mut monitor, &log).await
                 }
                 Ok(child) => lifecycle::watch_elsewhere(child, monitor, &log).await,
-                Err(error) => format!("could not be started by {}: {error}", command.join(" ")),
+                Err(error) => format!("could not be started by {}: {error}", invocation.command.join(" ")),
             };
             let _ = events.send(Event::Exited(id, how)).await;
         });

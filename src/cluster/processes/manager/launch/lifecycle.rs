@@ -23,6 +23,8 @@ use tokio::time::{Instant, sleep_until, timeout};
 use crate::protocol::control::Bootstrap;
 use crate::protocol::frame;
 
+use super::programs::Invocation;
+
 /// Its environment may ask `marti` to join another manager: that is not for its children.
 const JOIN_VARIABLE: &str = "MARTI_JOIN";
 
@@ -97,13 +99,8 @@ pub(super) struct Started {
 /// Starts a program of this machine, or a launcher of another one's, which hands its standard input on. It leads a
 /// process group, so that a Ctrl-C in the terminal reaches the manager alone, and all that it starts ends with it. What it
 /// prints, its log above all, is appended to the log's file.
-pub(super) async fn start(
-    command: &[String],
-    is_launcher: bool,
-    bootstrap: &Bootstrap,
-    log: &Log,
-) -> io::Result<Started> {
-    let (program, arguments) = command.split_first().ok_or_else(|| io::Error::other("an empty command"))?;
+pub(super) async fn start(invocation: &Invocation, bootstrap: &Bootstrap, log: &Log) -> io::Result<Started> {
+    let (program, arguments) = invocation.command.split_first().ok_or_else(|| io::Error::other("an empty command"))?;
     let mut command = Command::new(program);
     command
         .args(arguments)
@@ -113,7 +110,9 @@ pub(super) async fn start(
         .stderr(log.open()?)
         .process_group(0)
         .kill_on_drop(true);
-    if is_launcher {
+    if let Some(name) = invocation.name {
+        command.arg0(name);
+    } else {
         // Processes of ours end by themselves when the manager is killed; a launcher does not notice.
         // SAFETY: between fork and exec only one system call is made, which allocates nothing.
         unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
@@ -291,8 +290,8 @@ mod tests {
             log: None,
             heartbeat_milliseconds: 250,
         };
-        let command: Vec<_> = command.iter().map(|word| (*word).to_owned()).collect();
-        start(&command, true, &bootstrap, log).await.expect("every system has it")
+        let command = command.iter().map(|word| (*word).to_owned()).collect();
+        start(&Invocation { command, name: None }, &bootstrap, log).await.expect("every system has it")
     }
 
     /// Whether a process, by the number that it printed to the log, has ended.
