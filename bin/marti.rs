@@ -4,6 +4,8 @@ use std::process::ExitCode;
 
 use program::cli::{Arguments, entry};
 
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (commit ", env!("MARTI_COMMIT"), ")");
+
 fn main() -> ExitCode {
-    entry::enter(|| entry::parse::<Arguments>().carry_out())
+    entry::enter(|| entry::parse::<Arguments>(VERSION).carry_out())
 }

@@ -5,6 +5,7 @@ mod cachegrind;
 mod chaos;
 mod command;
 mod command_line;
+mod compare;
 mod damaged_recordings;
 mod effect;
 mod examples;

@@ -13,6 +13,7 @@ mod read;
 pub mod recorded;
 mod scene_topology;
 pub mod schema;
+mod settings;
 pub mod value;
 mod write;
 

@@ -19,6 +19,8 @@ use cluster::processes::{Child, Origin};
 use cluster::protocol::hello::Role;
 use cluster::topology::value::Seconds;
 use ground::floating_point;
+use trace::image_file;
+use trace::tracer::simd::Simd;
 
 /// What the program does first and last. A file-size limit becomes an error of the write that exceeds it (EFBIG) instead of
 /// the process's death, and a floating-point environment that could change the image is refused with exit code 1.
@@ -70,13 +72,20 @@ pub struct JoinArguments {
 /// starts inherit it.
 const OF_JOINING: [&str; 7] = ["interface", "advertise", "host", "keys", "token", "patience", "health"];
 
-/// Reads the command line. Ends the process where it cannot be read, and where an option of joining would have no effect.
-pub fn parse<A: CommandFactory + FromArgMatches>() -> A {
-    let mut command = A::command();
+/// Reads the command line of a program of this version. Ends the process where it cannot be read, and where an option of joining would have no effect.
+pub fn parse<A: CommandFactory + FromArgMatches>(version: &'static str) -> A {
+    let mut command = A::command().version(version).long_version(long_version(version));
     let matches = command.get_matches_mut();
     let joining = matches.subcommand().map(|(_, arguments)| arguments).filter(|arguments| may_join(arguments));
     let read = joining.map_or(Ok(()), check_joining).and_then(|()| A::from_arg_matches(&matches));
     read.unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+/// The version, and what of this build and this processor decides how fast it is.
+fn long_version(version: &str) -> String {
+    let available = Simd::ALL.into_iter().filter(|simd| simd.is_available()).map(Simd::name).collect::<Vec<_>>();
+    let exr = if image_file::EXR_SUPPORTED { "yes" } else { "no" };
+    format!("{version}\nvector instructions: {}\nOpenEXR output: {exr}", available.join(", "))
 }
 
 /// Whether the command has the options of [`JoinArguments`].

@@ -2,7 +2,10 @@
 //! plain struct, does its work by one call into the library, and prints what came of it.
 
 pub mod check;
+pub mod compare;
+mod completions;
 pub mod entry;
+mod examples;
 pub mod failure;
 mod grid_options;
 pub mod inspect;
@@ -32,7 +35,7 @@ pub use failure::{Exit, Failure};
 
 /// Render with many processes through small local memories, and see what crosses the bus.
 #[derive(Debug, Parser)]
-#[command(name = "marti", bin_name = "marti", version, arg_required_else_help = true)]
+#[command(name = "marti", bin_name = "marti", version, max_term_width = 100, arg_required_else_help = true)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -40,19 +43,39 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    #[command(after_help = examples::RUN)]
     Run(run::RunArguments),
+    #[command(after_help = examples::RENDER)]
     Render(render::RenderArguments),
+    #[command(after_help = examples::SCENE)]
     Scene(scene::SceneArguments),
+    #[command(after_help = examples::INSPECT)]
     Inspect(inspect::InspectArguments),
+    #[command(after_help = examples::CHECK)]
     Check(check::CheckArguments),
+    #[command(after_help = examples::COMPARE)]
+    Compare(compare::CompareArguments),
+    #[command(after_help = examples::KEYS)]
     Keys(keys::KeysArguments),
+    #[command(after_help = examples::REPLAY)]
     Replay(Box<replay::ReplayArguments>),
+    #[command(after_help = examples::VERIFY)]
     Verify(verify::VerifyArguments),
+    #[command(after_help = examples::STUDY)]
     Study(study::StudyArguments),
+    #[command(after_help = examples::SCHEMA)]
     Schema(schema::SchemaArguments),
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(completions::CompletionsArguments),
+    #[command(after_help = examples::MAN)]
+    Man(completions::ManArguments),
+    #[command(after_help = examples::NODE)]
     Node(roles::NodeArguments),
+    #[command(after_help = examples::MASTER)]
     Master(roles::MasterArguments),
+    #[command(after_help = examples::BUS)]
     Bus(roles::BusArguments),
+    #[command(after_help = examples::DISPLAY)]
     Display(roles::DisplayArguments),
 }
 
@@ -66,11 +89,14 @@ impl Arguments {
             Command::Scene(arguments) => scene::scene(arguments),
             Command::Inspect(arguments) => inspect::inspect(arguments),
             Command::Check(arguments) => check::check(arguments),
+            Command::Compare(arguments) => compare::compare(arguments),
             Command::Keys(arguments) => keys::keys(arguments),
             Command::Replay(arguments) => replay::replay(arguments),
             Command::Verify(arguments) => verify::verify(arguments),
             Command::Study(arguments) => study::study(arguments),
             Command::Schema(arguments) => schema::schema(arguments),
+            Command::Completions(arguments) => completions::completions(arguments),
+            Command::Man(arguments) => completions::man(arguments),
             Command::Node(arguments) => return Ok(arguments.play()),
             Command::Master(arguments) => return Ok(arguments.play()),
             Command::Bus(arguments) => return arguments.play(),
@@ -124,6 +150,7 @@ mod tests {
              --light 1,1,1,0,0.5,1 --background 0,0,1 --up z --terminator soft --strict",
             "marti run t.toml --strict",
             "marti check t.toml --strict",
+            "marti compare out/a out/b -o d.png --format json --exit-code",
             "marti scene gears --size 4 -o gears4.nff",
             "marti inspect gears:2 --leaf-size 8 --max-depth 9 --json --database gears.db",
             "marti check t.toml --set scene.file=a.nff",

@@ -1,6 +1,7 @@
 //! The image as files: PNG for the eye, NPY for what else was asked of the first hit, EXR for the exact
-//! colours, and the hash that says whether two images are the same.
+//! colours, and the hash that says whether two images are the same; by how much two pictures differ.
 
+mod comparison;
 mod exr;
 mod frame_buffer;
 mod npy;
@@ -9,6 +10,7 @@ mod png;
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use comparison::{Comparison, Picture, SizesDiffer};
 pub use frame_buffer::{FrameBuffer, FrameBufferError};
 
 use crate::picture::AovSet;

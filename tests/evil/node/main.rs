@@ -42,7 +42,7 @@ fn main() -> ExitCode {
     let mut arguments = env::args_os().peekable();
     let program = arguments.next();
     if arguments.next_if(|role| role == "node").is_none() {
-        return entry::enter(|| entry::parse::<program::cli::Arguments>().carry_out());
+        return entry::enter(|| entry::parse::<program::cli::Arguments>(env!("CARGO_PKG_VERSION")).carry_out());
     }
     let Arguments { join } = Arguments::parse_from(program.into_iter().chain(arguments));
     join.play("marti-node", Role::Node(NodeId(0)), run)

@@ -1,6 +1,9 @@
 //! Rows as text, JSON and CSV: whatever serialises to an object is a row, and its fields are the columns.
 
-use std::fmt::{self, Write};
+mod column;
+mod text;
+
+use std::fmt;
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -17,6 +20,9 @@ pub(super) enum Format {
     Csv,
 }
 
+/// What rows are compared by, the first that there is: every row with the first one.
+const BASELINES: [&str; 3] = ["cycles", "misses", "object_misses"];
+
 /// Lists of columns that mean nothing in a table.
 pub(super) type Hidden = &'static [&'static [&'static str]];
 
@@ -27,7 +33,7 @@ pub(super) struct Table {
     columns: Vec<String>,
     /// Columns that a person is not shown.
     hidden: Hidden,
-    /// A value a column.
+    /// A value per column.
     rows: Vec<Vec<Value>>,
 }
 
@@ -75,56 +81,16 @@ impl Table {
         Self { hidden, ..self }
     }
 
-    /// The settings of the first row, for what is no table.
-    pub(super) fn heading(&self, settings: &[&str]) -> String {
-        let Some(first) = self.rows.first() else { return String::new() };
-        let shown = self
-            .columns
-            .iter()
-            .zip(first)
-            .filter(|(column, _)| settings.contains(&column.as_str()) && !self.is_hidden(column));
-        wrapped(shown.map(|(column, value)| setting(column, value)))
-    }
-
-    /// In this format. As text, what is the same in all rows of the columns `settings` is above the table.
+    /// In this format. As text, columns of `settings` name a row, and what is the same in all rows is above the table.
     pub(super) fn print(&self, format: Format, settings: &[&str]) -> String {
         match format {
-            Format::Text => self.text(settings),
+            Format::Text => self.text(settings, &BASELINES),
             Format::Json => self.json.clone(),
             Format::Csv => self.csv(),
         }
     }
 
-    fn text(&self, settings: &[&str]) -> String {
-        let Some(first) = self.rows.first() else { return String::new() };
-        let varies = |i: usize| self.rows.iter().any(|row| row[i] != first[i]);
-        let is_filled = |i: usize| self.rows.iter().any(|row| !row[i].is_null());
-        let (mut heading, mut columns) = (Vec::new(), Vec::new());
-        for (i, column) in self.columns.iter().enumerate() {
-            let is_setting = settings.contains(&column.as_str());
-            if self.is_hidden(column) {
-            } else if is_setting && !varies(i) {
-                heading.push(setting(column, &first[i]));
-            } else if column != "reason" && (is_setting || is_filled(i)) {
-                columns.push(i);
-            }
-        }
-        let mut lines = vec![columns.iter().map(|&i| self.columns[i].replace('_', " ")).collect::<Vec<_>>()];
-        lines.extend(self.rows.iter().map(|row| columns.iter().map(|&i| cell(&self.columns[i], &row[i])).collect()));
-        let width = |i: usize| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..columns.len()).map(width).collect();
-        let mut out = String::new();
-        if !heading.is_empty() {
-            let _ = writeln!(out, "{}\n", wrapped(heading.into_iter()));
-        }
-        for line in &lines {
-            let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
-            let _ = writeln!(out, "{}", cells.join("  ").trim_end());
-        }
-        out
-    }
-
-    /// One line a row under one of names.
+    /// A line per row, below one of names.
     fn csv(&self) -> String {
         let mut out = self.columns.join(",") + "\n";
         for row in &self.rows {
@@ -140,44 +106,10 @@ impl Table {
     }
 }
 
-/// A setting and its value.
-fn setting(column: &str, value: &Value) -> String {
-    format!("{} {}", column.replace('_', " "), cell(column, value))
-}
-
-/// Settings between commas, in lines that a terminal has room for.
-fn wrapped(settings: impl Iterator<Item = String>) -> String {
-    const COLUMNS_MAX: usize = 100;
-    let (mut lines, mut line) = (Vec::new(), String::new());
-    for setting in settings {
-        if !line.is_empty() && line.len() + setting.len() + 3 > COLUMNS_MAX {
-            lines.push(std::mem::take(&mut line) + ",");
-        }
-        if !line.is_empty() {
-            line += ", ";
-        }
-        line += &setting;
-    }
-    lines.push(line);
-    lines.join("\n")
-}
-
-fn cell(column: &str, value: &Value) -> String {
-    match (column, value) {
-        ("ways", Value::Null) => "full".to_owned(),
-        ("exact", Value::Bool(exact)) => if *exact { "exact" } else { "approximate" }.to_owned(),
-        (_, Value::Null) => "-".to_owned(),
-        (_, Value::String(text)) => text.clone(),
-        (_, Value::Number(number)) if number.is_f64() => {
-            let value = number.as_f64().unwrap_or_default();
-            if value.abs() < 10.0 { format!("{value:.6}") } else { format!("{value:.2}") }
-        }
-        (_, value) => value.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
 
     #[derive(Serialize)]
@@ -194,9 +126,35 @@ mod tests {
     }
 
     #[test]
-    fn what_is_the_same_stands_above_the_table() {
+    fn what_is_the_same_is_above_the_table() {
         let text = table().print(Format::Text, &["line", "nodes"]);
-        assert_eq!(text, "line 64\n\nnodes  misses     why\n    4     100       -\n   16       7  a, \"b\"\n");
+        let expected = "line 64 bytes\n\n\
+                        \x20                      misses\n\
+                        \x20                     ÷ first\n\
+                        nodes  misses     why    row's\n";
+        assert!(text.starts_with(expected), "{text}");
+        assert!(text.ends_with("    4     100       -    1.000\n   16       7  a, \"b\"    0.070\n"), "{text}");
+    }
+
+    #[test]
+    fn one_row_is_a_list() {
+        let row = Row { line: 64, nodes: 4, misses: 12_345, why: None };
+        let text = Table::new(&[row]).expect("a row").print(Format::Text, &["line", "nodes"]);
+        assert_eq!(text, "line 64 bytes, nodes 4\n\nmisses  12,345\n");
+    }
+
+    #[test]
+    fn a_wide_table_is_in_blocks() {
+        let row =
+            |seed: u64| -> BTreeMap<String, u64> { (0..30).map(|i| (format!("column_{i:02}"), seed + i)).collect() };
+        let text = Table::new(&[row(1), row(1_000_000)]).expect("rows").print(Format::Text, &["column_00"]);
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+        assert_eq!(
+            text.matches("\n\n").count() + 1,
+            text.matches("1,000,000").count(),
+            "each block names its rows: {text}"
+        );
+        assert_eq!(text.matches("1,000,029").count(), 1);
     }
 
     #[test]
