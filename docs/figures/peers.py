@@ -8,7 +8,7 @@ SHOWN = [
     ("marti packets", "marti, packets", "#c0392b"),
     ("marti single", "marti, single rays", "#e6a39b"),
     ("embree 8", "Embree, packets of 8", "#1f4e79"),
-    ("embree 16", "Embree, packets of 16", "#4a7fb0"),
+    ("embree 8 robust", "Embree robust, packets of 8", "#4a7fb0"),
     ("embree single", "Embree, single rays", "#9dbfdd"),
     ("tachyon", "Tachyon", "#7f8c8d"),
     ("povray", "POV-Ray", "#bdc3c7"),

@@ -11,14 +11,14 @@ use super::{Arguments, Failure, print};
 
 /// Print completions of the command line for a shell
 #[derive(Clone, Debug, Args)]
-pub struct CompletionsArguments {
+pub(super) struct CompletionsArguments {
     /// The shell that reads them
     shell: Shell,
 }
 
 /// Write a man page for each command
 #[derive(Clone, Debug, Args)]
-pub struct ManArguments {
+pub(super) struct ManArguments {
     /// The folder, made if it does not exist; files of the same names are replaced
     folder: PathBuf,
 }
