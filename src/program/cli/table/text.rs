@@ -9,6 +9,8 @@ use super::column::{cell, head, setting};
 
 /// Characters per line, whether a terminal or a pipe reads it.
 const WIDTH_MAX: usize = 100;
+/// Heads are wrapped at this width, or where the cells are wider, at theirs.
+const HEAD_WIDTH: usize = 10;
 const GAP: &str = "  ";
 
 /// A column as it is printed.
@@ -22,7 +24,7 @@ impl Column {
     fn new(name: &str, cells: Vec<String>) -> Self {
         let widest = cells.iter().map(|cell| cell.chars().count()).max().unwrap_or(0);
         let word = name.split(' ').map(|word| word.chars().count()).max().unwrap_or(0);
-        let head = wrapped(name.split(' ').map(str::to_owned), " ", widest.max(word));
+        let head = wrapped(name.split(' ').map(str::to_owned), " ", widest.max(word).max(HEAD_WIDTH));
         let width = head.iter().map(|line| line.chars().count()).max().unwrap_or(0).max(widest);
         Self { head, cells, width }
     }
