@@ -7,6 +7,7 @@ mod command;
 mod command_line;
 mod compare;
 mod damaged_recordings;
+mod documents;
 mod effect;
 mod examples;
 mod exports;
