@@ -54,6 +54,42 @@ fn one_process_gives_the_same_image_for_any_threads_octree_and_mailbox() {
     }
 }
 
+#[test]
+fn a_node_with_threads_gives_the_same_image_with_one_copy_of_the_database() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    let all = "cluster.local_memory.size=all";
+    let alone = expect_same(&expected, &[all, "cluster.nodes=1"]);
+    let threads = expect_same(&expected, &[all, "cluster.nodes=1", "cluster.threads=3"]);
+    let two = expect_same(&expected, &[all, "cluster.nodes=2"]);
+    assert_eq!(number(&threads, "bus.bytes"), number(&alone, "bus.bytes"), "the database is sent once");
+    assert!(number(&two, "bus.bytes") > number(&threads, "bus.bytes"));
+    expect_same(&expected, &[all, "cluster.nodes=3", "cluster.threads=2", "run.verify=0.2"]);
+}
+
+#[test]
+fn a_node_with_threads_is_killed_or_corrupted_and_the_image_is_the_same() {
+    let out = tempfile::tempdir().expect("temporary folder");
+    let expected = sha256(&render(out.path(), &[]));
+    for (fault, verify) in [("kill node@30%", "0"), ("corrupt node 1@20%", "1")] {
+        let output = marti()
+            .args(["run", TEAPOT, "--quiet", "--set", "cluster.local_memory.size=all", "--set", "cluster.threads=2"])
+            .args(["--set", &format!("run.verify={verify}"), "--chaos", fault, "--out"])
+            .arg(out.path().join(&fault[..4]))
+            .output()
+            .expect("marti can be started");
+        assert!(output.status.success(), "{fault}: {}", stderr(&output));
+        assert_eq!(sha256(&read_report(&out.path().join(&fault[..4]).join("report.json"))), expected, "{fault}");
+    }
+}
+
+#[test]
+fn a_local_memory_is_of_one_thread() {
+    let output = run(&["run", TEAPOT, "--set", "cluster.threads=2", "--set", "cluster.local_memory.size=1/8"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("cluster.threads is 2, expected 1, or cluster.local_memory.size = \"all\""));
+}
+
 /// What is read is another, what is seen is not.
 #[test]
 fn polygons_as_objects_and_padded_records_give_the_same_image() {

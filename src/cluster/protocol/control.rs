@@ -151,6 +151,8 @@ pub struct MasterConfiguration {
     /// Of the cluster; the others follow it.
     pub first_node: NodeId,
     pub nodes: u16,
+    /// Of each node: they decide how many tiles it may hold.
+    pub threads: u16,
     pub assignment: Assignment,
     /// A tile not acknowledged for so long is reported as late.
     pub tile_deadline_milliseconds: u64,
@@ -244,6 +246,8 @@ pub struct NodeConfiguration {
     pub aov: AovSet,
     pub octree: Octree,
     pub local_memory: LocalMemory,
+    /// That trace; more than one where the node has the whole database.
+    pub threads: u16,
     pub seed: u64,
     /// The folder of the recording, if references are to be recorded; it exists.
     pub references: Option<PathBuf>,

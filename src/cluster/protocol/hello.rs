@@ -12,7 +12,7 @@ use crate::protocol::mac;
 use ground::ids::{ClusterId, Epoch, NodeId, RunId};
 
 /// Raised with every change of a message.
-pub const PROTOCOL_VERSION: u32 = 5;
+pub const PROTOCOL_VERSION: u32 = 6;
 pub const MAGIC: [u8; 8] = *b"marti\0\r\n";
 /// Until a peer is known, no frame may be longer.
 pub const HELLO_BYTES_MAX: usize = 4096;

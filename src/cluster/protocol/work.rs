@@ -8,11 +8,16 @@ use ground::ids::{Attempt, TileId};
 use machine::hardware::stats::{Counters, MemoryStats};
 use trace::tracer::{RayKind, TraceStats};
 
-/// How many tiles a node may hold at once: one to trace, one to begin with at once after it, and two on their way to
-/// the display and back, which takes a while when every processor is busy tracing.
-pub const JOBS_PER_NODE: usize = 4;
+/// How many tiles a node of so many threads may hold at once: per thread one to trace and one to begin with at once after it, and
+/// two on their way to the display and back, which takes a while when every processor is busy tracing.
+pub const fn jobs_per_node(threads: u16) -> usize {
+    2 * threads as usize + 2
+}
+
 /// How many tiles a master asks the manager for, per node, waiting or handed out. It is given no more.
-pub const TILES_PER_NODE: u32 = 8;
+pub const fn tiles_per_node(threads: u16) -> u32 {
+    2 * jobs_per_node(threads) as u32
+}
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub enum WorkRequest {

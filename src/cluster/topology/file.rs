@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use super::host_file::Host;
 use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
-    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
+    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Threads, Tile, Verify, Version, Ways, Width,
 };
 use machine::hardware::specification::{self, MemorySize, Replacement, Transactions};
 use machine::tile_order::{Assignment, TileOrder};
@@ -230,6 +230,8 @@ pub struct Cluster {
     pub count: Clusters,
     /// Processing nodes of each.
     pub nodes: Nodes,
+    /// Threads of each node; more than one with cluster.local_memory.size = "all" only.
+    pub threads: Threads,
     #[serde(deserialize_with = "table")]
     pub processor: Processor,
     #[serde(deserialize_with = "table")]
@@ -243,6 +245,7 @@ impl Default for Cluster {
         Self {
             count: Clusters(1),
             nodes: Nodes(4),
+            threads: Threads(1),
             processor: Processor::default(),
             local_memory: LocalMemory::default(),
             bus: Bus::default(),

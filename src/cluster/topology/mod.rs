@@ -113,6 +113,8 @@ pub struct Run {
     pub seed: u64,
     /// Share of the tiles that is rendered twice, by different nodes, and compared, 0 to 1.
     pub verify: f64,
+    /// Threads of a node, `cluster.threads`; more than one where it has the whole database.
+    pub threads: u16,
     pub deadlines: Deadlines,
 }
 

@@ -55,6 +55,7 @@ pub(super) fn prove(path: &Path, written: &File, document: &Document<'_>) -> Res
             assignment: written.run.assignment,
             seed: written.run.seed.0,
             verify: verify(written, document)?,
+            threads: threads(&written.cluster, document)?,
             deadlines: deadlines(&written.run.deadlines),
         },
     })
@@ -153,6 +154,18 @@ fn cluster(written: &file::Cluster, document: &Document<'_>) -> Result<Cluster> 
         local_memory: local_memory(&written.local_memory, document)?,
         bus: bus(&written.bus, document)?,
     })
+}
+
+/// A local memory is that of one tracer.
+fn threads(written: &file::Cluster, document: &Document<'_>) -> Result<u16> {
+    let threads = written.threads.0;
+    if threads > 1 && written.local_memory.size.0 != MemorySize::All {
+        let what = format!(
+            "cluster.threads is {threads}, expected 1, or cluster.local_memory.size = \"all\": a local memory is that of one thread"
+        );
+        return Err(document.error(&["cluster.threads"], what));
+    }
+    Ok(threads)
 }
 
 fn processor(written: &file::Processor) -> Processor {

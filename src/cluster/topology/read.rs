@@ -371,6 +371,7 @@ mod tests {
                 assignment: Assignment::OnDemand,
                 seed: 1,
                 verify: 0.0,
+                threads: 1,
                 deadlines: Deadlines {
                     startup: Duration::from_secs(10),
                     heartbeat: Duration::from_secs(5),

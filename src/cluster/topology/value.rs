@@ -222,6 +222,11 @@ quantity!(
     Range::integer(1.0, 256.0)
 );
 quantity!(
+    /// Threads of a processing node.
+    Threads(u16),
+    Range::integer(1.0, 256.0)
+);
+quantity!(
     /// Clusters, each with a bus, a master and nodes of its own.
     Clusters(u16),
     Range::integer(1.0, 64.0)

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::file::{self, File};
 use super::value::{
     Angle, Channel, Clusters, Coordinate, Cutoff, Cycles, CyclesPerWord, Depth, LeafSize, Line, MaxDepth, Nodes,
-    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Tile, Verify, Version, Ways, Width,
+    ProceduralSize, Quantum, RecordBytes, Seconds, Seed, Side, Size, Threads, Tile, Verify, Version, Ways, Width,
 };
 use super::{Image, Run, Topology};
 use machine::hardware::specification::{Arbiter, Bus, Cluster, Processor};
@@ -39,7 +39,7 @@ impl From<&Topology> for File {
             image: image(&topology.image),
             octree: octree(topology.octree),
             database: database(topology.records),
-            cluster: cluster(&topology.cluster),
+            cluster: cluster(&topology.cluster, topology.run.threads),
             host: topology.hosts.iter().map(file::Host::from).collect(),
             run: run(&topology.run),
         }
@@ -98,11 +98,12 @@ fn database(records: RecordLayout) -> file::Database {
     }
 }
 
-fn cluster(cluster: &Cluster) -> file::Cluster {
+fn cluster(cluster: &Cluster, threads: u16) -> file::Cluster {
     let memory = cluster.local_memory;
     file::Cluster {
         count: Clusters(cluster.count),
         nodes: Nodes(cluster.nodes),
+        threads: Threads(threads),
         processor: cluster.processor.into(),
         local_memory: file::LocalMemory {
             size: Size(memory.size),

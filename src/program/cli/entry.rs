@@ -70,7 +70,7 @@ pub struct JoinArguments {
 
 /// Options of [`JoinArguments`] that have no effect without `--join`. The environment may have them: processes that `marti run`
 /// starts inherit it.
-const OF_JOINING: [&str; 7] = ["interface", "advertise", "host", "keys", "token", "patience", "health"];
+const OF_JOINING: [&str; 8] = ["interface", "advertise", "host", "keys", "token", "patience", "health", "threads"];
 
 /// Reads the command line of a program of this version. Ends the process where it cannot be read, and where an option of joining would have no effect.
 pub fn parse<A: CommandFactory + FromArgMatches>(version: &'static str) -> A {
@@ -94,7 +94,9 @@ fn may_join(matches: &ArgMatches) -> bool {
 }
 
 fn check_joining(matches: &ArgMatches) -> Result<(), Error> {
-    let is_typed = |option: &&str| matches.value_source(option) == Some(ValueSource::CommandLine);
+    let is_typed = |option: &&str| {
+        matches.try_contains_id(option).is_ok() && matches.value_source(option) == Some(ValueSource::CommandLine)
+    };
     let refused = |kind, what: String| Err(Error::raw(kind, what));
     if !matches.contains_id("join")
         && let Some(option) = OF_JOINING.iter().find(|option| is_typed(option))
@@ -116,6 +118,10 @@ pub(super) fn name_process(program: &str) {
 }
 
 impl JoinArguments {
+    pub(super) fn joins(&self) -> bool {
+        self.join.is_some()
+    }
+
     fn origin(&self) -> Origin {
         let Self { join, interface, advertise, host, keys, token, patience, health } = self.clone();
         let Some((manager, port)) = join else { return Origin::Spawned };

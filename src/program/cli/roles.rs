@@ -10,18 +10,24 @@ use super::Failure;
 use super::entry::{self, JoinArguments};
 use cluster::processes::{bus, display, master, node};
 use cluster::protocol::hello::Role;
+use cluster::topology::value::Threads;
 use ground::ids::{ClusterId, NodeId};
 
 /// Processing node: traces tiles. It is started by `marti run`, or joins a run
 #[derive(Debug, Args)]
 pub struct NodeArguments {
+    /// Trace with so many threads, where this node has the whole database [default: cluster.threads of the topology]
+    #[arg(long, value_name = "N", env = "MARTI_THREADS", help_heading = "Joining a run")]
+    threads: Option<Threads>,
     #[command(flatten)]
     join: JoinArguments,
 }
 
 impl NodeArguments {
     pub(super) fn play(&self) -> ExitCode {
-        self.join.play("marti-node", Role::Node(NodeId(0)), node::run)
+        // A process that `marti run` starts inherits the environment, and is told by the topology.
+        let threads = self.threads.filter(|_| self.join.joins()).map(|threads| threads.0);
+        self.join.play("marti-node", Role::Node(NodeId(0)), |child| node::run(child, threads))
     }
 }
 

@@ -50,7 +50,7 @@ fn main() -> ExitCode {
 
 fn run(child: &Child) -> Outcome {
     match mode(child.bootstrap.role)? {
-        None => Ok(true_node::run(child)?),
+        None => Ok(true_node::run(child, None)?),
         Some(mode) => {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
             runtime.block_on(live(child, mode)).inspect_err(|error| tracing::error!("{error}"))

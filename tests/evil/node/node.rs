@@ -9,7 +9,7 @@ use cluster::protocol::control::{NodeCommand, NodeReport};
 use cluster::protocol::hello::Role;
 use cluster::protocol::image::{ImageReply, TilePixels};
 use cluster::protocol::mac::Mac;
-use cluster::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
+use cluster::protocol::work::{TileDone, WorkReply, WorkRequest, jobs_per_node};
 use ground::ids::{Attempt, TileId};
 
 use tokio::time::Instant;
@@ -50,7 +50,8 @@ impl Node {
     pub(crate) async fn start(ground: &mut Ground) -> Outcome<Self> {
         let (to_master, from_master) = ground.talk(ground.master()).await?;
         let (to_display, from_display) = ground.talk(Role::Display).await?;
-        let tracer = Tracer::start(ground.configuration.clone(), ground.introduction.clone(), ground.pulse.clone())?;
+        let tracer =
+            Tracer::start(ground.configuration.clone(), None, ground.introduction.clone(), ground.pulse.clone())?;
         Ok(Self {
             to_master,
             from_master,
@@ -81,7 +82,7 @@ impl Node {
                     }
                 }
                 Event::TracerReady => {
-                    for _ in 0..JOBS_PER_NODE {
+                    for _ in 0..jobs_per_node(1) {
                         self.ask().await?;
                     }
                 }

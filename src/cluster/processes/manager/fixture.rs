@@ -26,7 +26,7 @@ pub(super) fn run() -> Run {
         tile: Duration::from_secs(60),
         join: Duration::from_secs(600),
     };
-    Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, verify: 0.0, deadlines }
+    Run { order: TileOrder::Scanline, assignment: Assignment::OnDemand, seed: 1, verify: 0.0, threads: 1, deadlines }
 }
 
 /// An image of `tiles` tiles.

@@ -99,6 +99,7 @@ impl Plan {
             bus,
             first_node: self.cluster.first_node(cluster),
             nodes: self.cluster.nodes,
+            threads: self.run.threads,
             assignment: self.run.assignment,
             tile_deadline_milliseconds: u64::try_from(self.run.deadlines.tile.as_millis()).unwrap_or(u64::MAX),
             key: self.key,
@@ -117,6 +118,7 @@ impl Plan {
             aov: self.aov,
             octree: self.octree,
             local_memory: self.cluster.local_memory,
+            threads: self.run.threads,
             seed: self.run.seed,
             references: self.record_references.then(|| self.recording.clone()),
         }))

@@ -7,13 +7,10 @@ use super::seat::{Held, NodeProcess, Seat};
 use crate::protocol::control::{MasterCommand, MasterConfiguration, MasterReport, TileGrant};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::MemoryRequest;
-use crate::protocol::work::{JOBS_PER_NODE, TILES_PER_NODE, TileDone, WorkRequest};
+use crate::protocol::work::{TileDone, WorkRequest, jobs_per_node, tiles_per_node};
 use ground::ids::{Attempt, NodeId, TileId};
 use machine::hardware::totals::{LostAttempt, MasterTotals};
 use machine::hardware::transaction::{END_OF_JOB_BYTES, JOB_BYTES};
-
-/// Tiles are asked for by so many at least: less than a node's, so that none waits for another's.
-const TILES_ASKED_MIN: u32 = TILES_PER_NODE / 2;
 
 #[derive(Debug)]
 pub(in crate::processes) enum Event {
@@ -51,6 +48,8 @@ pub(in crate::processes) struct Dispatcher {
     tile_deadline: Duration,
     /// In order of node ids, from this one on.
     first_node: NodeId,
+    /// Of each node.
+    threads: u16,
     seats: Vec<Seat>,
     queue: VecDeque<TileGrant>,
     /// Nodes that can take a tile, one entry for each tile, longest waiting first.
@@ -69,6 +68,7 @@ impl Dispatcher {
             key: configuration.key,
             tile_deadline: Duration::from_millis(configuration.tile_deadline_milliseconds),
             first_node: configuration.first_node,
+            threads: configuration.threads,
             seats: (0..configuration.nodes).map(|_| Seat::default()).collect(),
             queue: VecDeque::new(),
             waiting: VecDeque::new(),
@@ -146,9 +146,10 @@ impl Dispatcher {
 
     fn ready(&mut self, process: NodeProcess) {
         let waiting = self.waiting.iter().filter(|&&node| node == process.node).count();
+        let jobs_max = jobs_per_node(self.threads);
         let Some(seat) = self.seat(process).filter(|seat| !seat.is_dead(process.epoch)) else { return };
-        if seat.held.len() + waiting >= JOBS_PER_NODE {
-            return self.expose(process, format!("it asked for more than {JOBS_PER_NODE} tiles"));
+        if seat.held.len() + waiting >= jobs_max {
+            return self.expose(process, format!("it asked for more than {jobs_max} tiles"));
         }
         self.waiting.push_back(process.node);
     }
@@ -270,8 +271,9 @@ impl Dispatcher {
     fn ask(&mut self) {
         let held: usize = self.seats.iter().map(|seat| seat.held.len()).sum();
         let have = (self.queue.len() + held) as u32 + self.asked;
-        let room = (TILES_PER_NODE * self.seats.len() as u32).saturating_sub(have);
-        if room >= TILES_ASKED_MIN {
+        let room = (tiles_per_node(self.threads) * self.seats.len() as u32).saturating_sub(have);
+        // Less than a node's, so that none waits for another's.
+        if room >= tiles_per_node(self.threads) / 2 {
             self.asked += room;
             self.actions.push(Action::Report(MasterReport::TilesWanted(room)));
         }

@@ -22,6 +22,7 @@ fn state(nodes: u16) -> Dispatcher {
         bus: ([127, 0, 0, 1], 1).into(),
         first_node: NodeId(0),
         nodes,
+        threads: 1,
         assignment: Assignment::OnDemand,
         tile_deadline_milliseconds: 1000,
         key: KEY,
@@ -113,6 +114,7 @@ fn the_manager_is_asked_ahead_and_in_handfuls() {
         bus: ([127, 0, 0, 1], 1).into(),
         first_node: NodeId(0),
         nodes: 2,
+        threads: 1,
         assignment: Assignment::OnDemand,
         tile_deadline_milliseconds: 1000,
         key: KEY,
@@ -213,14 +215,12 @@ fn a_tile_past_its_deadline_is_reported_once() {
 #[test]
 fn a_node_that_asks_for_too_much_is_dismissed() {
     let mut state = state(1);
-    for _ in 0..JOBS_PER_NODE {
+    for _ in 0..jobs_per_node(1) {
         assert!(reports(ready(&mut state, 0)).is_empty());
     }
     let actions = ready(&mut state, 0);
     assert!(actions.contains(&Action::Dismiss(first(0))), "{actions:?}");
-    assert!(
-        matches!(&reports(actions)[..], [MasterReport::Forged { why, .. }] if why.contains(&format!("more than {JOBS_PER_NODE}")))
-    );
+    assert!(matches!(&reports(actions)[..], [MasterReport::Forged { why, .. }] if why.contains("more than 4 tiles")));
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub(super) struct Seat {
     pub(super) epoch: Option<Epoch>,
     /// This process and its predecessors are dead, whatever of theirs is still under way.
     pub(super) dead: Option<Epoch>,
-    /// At most [`crate::protocol::work::JOBS_PER_NODE`].
+    /// At most [`jobs_per_node`](crate::protocol::work::jobs_per_node).
     pub(super) held: Vec<Held>,
     /// Whether the manager knows that it is at work.
     pub(super) announced: bool,

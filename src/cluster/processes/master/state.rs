@@ -307,6 +307,7 @@ mod tests {
             bus: ([127, 0, 0, 1], 1).into(),
             first_node: NodeId(first),
             nodes,
+            threads: 1,
             assignment: Assignment::OnDemand,
             tile_deadline_milliseconds: 1000,
             key: MacKey::new([1; 32]),

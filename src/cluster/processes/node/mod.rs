@@ -20,17 +20,18 @@ use self::tracer_thread::{FromTracer, Tracer};
 use super::Child;
 use super::driver::live::{self, ProcessError, Worker};
 
-/// Works until the manager says that it is over, or SIGTERM that it is to go.
+/// Works until the manager says that it is over, or SIGTERM that it is to go. `threads`: instead of as many as the topology says.
 ///
 /// # Errors
 /// Anything that keeps this node from going on; it was reported to the manager.
-pub fn run(child: &Child) -> Result<(), ProcessError> {
-    live::run(child, State::new(child.bootstrap.role), TracerWorker { child, tracer: None }, Arc::default())
+pub fn run(child: &Child, threads: Option<u16>) -> Result<(), ProcessError> {
+    live::run(child, State::new(child.bootstrap.role), TracerWorker { child, threads, tracer: None }, Arc::default())
 }
 
-/// The thread that traces, once the state is configured.
+/// The threads that trace, once the state is configured.
 struct TracerWorker<'a> {
     child: &'a Child,
+    threads: Option<u16>,
     tracer: Option<Tracer>,
 }
 
@@ -38,7 +39,8 @@ impl Worker<State> for TracerWorker<'_> {
     fn begin(&mut self, task: Task) -> Result<Option<Answer>, String> {
         match (task, &self.tracer) {
             (Task::Start(configuration), _) => {
-                let tracer = Tracer::start(*configuration, self.child.introduction(), self.child.pulse.clone());
+                let (introduction, pulse) = (self.child.introduction(), self.child.pulse.clone());
+                let tracer = Tracer::start(*configuration, self.threads, introduction, pulse);
                 self.tracer = Some(tracer.map_err(|error| error.to_string())?);
             }
             // There is room: no more tiles are asked for than the queue takes.

@@ -74,13 +74,17 @@ impl<R: Replacement> TileMemory for SimulatedMemory<R> {
         Ok((pixels, stats))
     }
 
-    fn bus(&mut self) -> &mut BusLines {
-        self.memory.source_mut()
+    fn begin(&mut self, job: &Job) {
+        self.memory.source_mut().begin(job.tile, job.attempt);
+    }
+
+    fn tell_pixels(&mut self, job: &Job) -> Result<(), ConnectionError> {
+        self.memory.source_mut().tell_pixels(job.rect.pixel_count())
     }
 
     fn take_stats(&mut self) -> Option<MemoryStats> {
         let mut stats = self.memory.take_stats();
-        stats.stall_nanoseconds = u64::try_from(self.bus().take_stall().as_nanos()).unwrap_or(u64::MAX);
+        stats.stall_nanoseconds = u64::try_from(self.memory.source_mut().take_stall().as_nanos()).unwrap_or(u64::MAX);
         Some(stats)
     }
 

@@ -46,7 +46,7 @@ pub enum Outgoing {
 pub enum Task {
     /// Comes first, once.
     Start(Box<NodeConfiguration>),
-    /// At most [`JOBS_PER_NODE`](crate::protocol::work::JOBS_PER_NODE) wait.
+    /// At most [`jobs_per_node`](crate::protocol::work::jobs_per_node) wait.
     Trace(Job),
 }
 
@@ -191,12 +191,12 @@ impl Machine for State {
 
 impl Work {
     fn begin(now: Duration, configuration: Box<NodeConfiguration>, actions: &mut Vec<Action>) -> Self {
-        let NodeConfiguration { cluster, master, display, tiling, .. } = *configuration;
+        let NodeConfiguration { cluster, master, display, tiling, threads, .. } = *configuration;
         let role = Role::Master(cluster);
         actions.push(Action::Dial { id: MASTER, role, address: master, pause: Duration::ZERO });
         let mut work = Self {
             cluster,
-            tiles: Tiles::new(tiling, display),
+            tiles: Tiles::new(tiling, threads, display),
             master_reached: false,
             ready: None,
             display: DisplayLink { dialled: 0, loss: None },

@@ -1,7 +1,7 @@
 //! A node from its first command to its end, in numbers.
 
 use super::*;
-use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::protocol::work::{TileDone, jobs_per_node};
 use glam::DVec3;
 use ground::ids::NodeId;
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
@@ -38,6 +38,7 @@ fn configuration() -> NodeConfiguration {
         aov: AovSet::default(),
         octree: Octree { leaf_size: 8, max_depth: 12, mailbox: true },
         local_memory: LocalMemory { size: MemorySize::All, line: 64, ways: None, replacement: Replacement::Lru },
+        threads: 1,
         seed: 1,
         references: None,
     }
@@ -102,7 +103,7 @@ fn tiles_are_asked_for_when_the_master_is_reached_and_the_tracer_ready_whichever
     ] {
         let mut state = configured();
         let [first, second] = events.map(|event| at(&mut state, 1, event).len());
-        assert_eq!((first, second), (0, JOBS_PER_NODE));
+        assert_eq!((first, second), (0, jobs_per_node(1)));
     }
 }
 

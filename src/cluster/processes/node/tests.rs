@@ -17,7 +17,7 @@ use crate::protocol::hello::{Role, RunToken};
 use crate::protocol::image::{ImageReply, TilePixels};
 use crate::protocol::mac::{Claim, Mac, MacKey};
 use crate::protocol::memory::{MemoryReply, MemoryRequest};
-use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply, WorkRequest};
+use crate::protocol::work::{TileDone, WorkReply, WorkRequest, jobs_per_node};
 use ground::ids::{Address, Attempt, ClusterId, Epoch, NodeId, TileId};
 use machine::hardware::cluster_memory::ClusterMemory;
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
@@ -121,7 +121,7 @@ async fn play_master(mut listener: Listener, all: oneshot::Sender<Vec<TileDone>>
                 sender.send(&job).await.expect("awaited");
                 next += 1;
                 outstanding += 1;
-                assert!(outstanding <= JOBS_PER_NODE);
+                assert!(outstanding <= jobs_per_node(1));
             }
             WorkRequest::Ready => {}
             WorkRequest::Done { done, receipt } => {
@@ -177,7 +177,7 @@ async fn start_node(configuration: NodeConfiguration) -> (mpsc::Sender<NodeComma
         log: None,
         heartbeat_milliseconds: 50,
     };
-    let node = thread::spawn(|| run(&Child::new(bootstrap, false).expect("no keys")));
+    let node = thread::spawn(|| run(&Child::new(bootstrap, false).expect("no keys"), None));
     let (_, connection) = manager.arrival().await.expect("the node");
     let (mut to_node, mut from_node) = connection.split::<NodeCommand, NodeReport>();
     to_node.send(&NodeCommand::Configure(Box::new(configuration))).await.expect("awaited");
@@ -206,6 +206,7 @@ fn configuration(database: &Verified, size: MemorySize, servers: [&Listener; 3])
         aov: AOV,
         octree: Octree { leaf_size: 2, max_depth: 8, mailbox: true },
         local_memory: LocalMemory { size, line: 32, ways: None, replacement: Replacement::Lru },
+        threads: 1,
         seed: 1,
         references: None,
     }

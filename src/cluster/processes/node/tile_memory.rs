@@ -1,6 +1,5 @@
 //! What a node traces tiles from.
 
-use super::bus_lines::BusLines;
 use super::tiles::Job;
 use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::Packets;
@@ -25,7 +24,14 @@ pub trait TileMemory {
     /// The memory's: the bus is lost, or a record is corrupt. The recording's: it cannot be written.
     fn trace(&mut self, job: &Job, aov: AovSet) -> Result<(Pixels, TraceStats), TraceError>;
 
-    fn bus(&mut self) -> &mut BusLines;
+    /// What crosses the bus from now on is for this tile.
+    fn begin(&mut self, job: &Job);
+
+    /// Tells the bus of the tile's pixels, for its log.
+    ///
+    /// # Errors
+    /// The bus is gone.
+    fn tell_pixels(&mut self, job: &Job) -> Result<(), ConnectionError>;
 
     /// What was counted since the last call; `None` where nothing is.
     fn take_stats(&mut self) -> Option<MemoryStats>;

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use crate::protocol::control::Packets;
 use crate::protocol::mac::Mac;
-use crate::protocol::work::{JOBS_PER_NODE, TileDone};
+use crate::protocol::work::{TileDone, jobs_per_node};
 use ground::ids::{Attempt, TileId};
 use trace::picture::{Pixels, Rect, Tiling};
 
@@ -102,10 +102,12 @@ pub enum Violation {
     NotSent { tile: TileId, attempt: Attempt },
 }
 
-/// At most [`JOBS_PER_NODE`] tiles, in whatever stage.
+/// At most [`jobs_per_node`] tiles, in whatever stage.
 #[derive(Debug)]
 pub struct Tiles {
     tiling: Tiling,
+    /// Of the tracer.
+    threads: u16,
     asked: usize,
     /// With the tracer.
     tracing: usize,
@@ -120,8 +122,17 @@ pub struct Tiles {
 
 impl Tiles {
     /// The display is to be dialled.
-    pub fn new(tiling: Tiling, display: SocketAddr) -> Self {
-        Self { tiling, asked: 0, tracing: 0, leaving: false, address: display, reached: false, traced: Vec::new() }
+    pub fn new(tiling: Tiling, threads: u16, display: SocketAddr) -> Self {
+        Self {
+            tiling,
+            threads,
+            asked: 0,
+            tracing: 0,
+            leaving: false,
+            address: display,
+            reached: false,
+            traced: Vec::new(),
+        }
     }
 
     /// Whether the display owes something: its presence, or an acknowledgement.
@@ -150,8 +161,8 @@ impl Tiles {
             // It asks for nothing any more.
             Event::TracerReady(_) if self.leaving => Ok(Vec::new()),
             Event::TracerReady(packets) => {
-                self.asked = JOBS_PER_NODE;
-                let ask = std::iter::repeat_n(Action::AskForTile, JOBS_PER_NODE);
+                self.asked = jobs_per_node(self.threads);
+                let ask = std::iter::repeat_n(Action::AskForTile, self.asked);
                 Ok(packets.map(Action::TellPackets).into_iter().chain(ask).collect())
             }
             Event::Job { tile, attempt, permit } => {
@@ -271,8 +282,8 @@ mod tests {
     }
 
     fn ready() -> Tiles {
-        let mut state = Tiles::new(TILING, display(1));
-        assert_eq!(state.handle(Event::TracerReady(None)), Ok(vec![Action::AskForTile; JOBS_PER_NODE]));
+        let mut state = Tiles::new(TILING, 1, display(1));
+        assert_eq!(state.handle(Event::TracerReady(None)), Ok(vec![Action::AskForTile; jobs_per_node(1)]));
         assert!(state.awaits_display());
         assert_eq!(state.handle(Event::DisplayReached), Ok(vec![]));
         assert!(!state.awaits_display());
@@ -282,7 +293,7 @@ mod tests {
     /// Every one of the tiles that may be held has been traced.
     fn traced_all() -> Tiles {
         let mut state = ready();
-        for tile in 0..JOBS_PER_NODE as u32 {
+        for tile in 0..jobs_per_node(1) as u32 {
             state.handle(job(tile)).expect("asked for");
             assert_eq!(state.handle(traced(tile)), Ok(vec![send(tile)]));
         }
@@ -292,7 +303,7 @@ mod tests {
     #[test]
     fn a_node_that_traces_packets_says_so_first() {
         let packets = Packets { simd: Simd::Scalar, derived_bytes: 1 };
-        let actions = Tiles::new(TILING, display(1)).handle(Event::TracerReady(Some(packets))).expect("ready once");
+        let actions = Tiles::new(TILING, 1, display(1)).handle(Event::TracerReady(Some(packets))).expect("ready once");
         assert_eq!(actions[..2], [Action::TellPackets(packets), Action::AskForTile]);
     }
 
@@ -312,9 +323,9 @@ mod tests {
     #[test]
     fn no_more_tiles_are_held_than_allowed_however_they_come() {
         let mut state = ready();
-        let (mut asked, mut held) = (JOBS_PER_NODE, Vec::new());
+        let (mut asked, mut held) = (jobs_per_node(1), Vec::new());
         for tile in 0..9 {
-            assert!(asked + held.len() <= JOBS_PER_NODE);
+            assert!(asked + held.len() <= jobs_per_node(1));
             asked -= 1;
             held.push(tile);
             state.handle(job(tile)).expect("asked for");
@@ -372,7 +383,7 @@ mod tests {
 
     #[test]
     fn a_display_that_dies_before_it_is_dialled_holds_nothing_up() {
-        let mut state = Tiles::new(TILING, display(1));
+        let mut state = Tiles::new(TILING, 1, display(1));
         assert_eq!(state.handle(Event::DisplayLost), dial(1, REDIAL_PAUSE));
         state.handle(Event::TracerReady(None)).expect("once");
         state.handle(job(0)).expect("asked for");
@@ -385,7 +396,7 @@ mod tests {
     fn what_cannot_be_is_named() {
         let mut state = ready();
         assert_eq!(state.handle(job(9)), Err(Violation::NoSuchTile { tile: TileId(9), tiles: 9 }));
-        for tile in 0..JOBS_PER_NODE as u32 {
+        for tile in 0..jobs_per_node(1) as u32 {
             state.handle(job(tile)).expect("asked for");
         }
         assert_eq!(state.handle(job(3)), Err(Violation::Unasked { tile: TileId(3) }));

@@ -1,7 +1,7 @@
 //! All of the database in this process, pulled over the bus once, and traced as `marti render` traces: packets
 //! over a structure derived from it.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::bus_lines::BusLines;
 use super::tile_memory::{TileMemory, TraceError};
@@ -52,15 +52,15 @@ pub fn pull(header: &Header, bus: &mut BusLines) -> Result<Verified, PullError> 
     Ok(Verified::new(Database { header: header.clone(), words: Arc::new(words) })?)
 }
 
-/// Nothing is fetched, nothing counted but rays.
+/// Of one thread, over what all threads share. Nothing is fetched, nothing counted but rays.
 pub struct WholeDatabase<'a> {
     tracer: BatchTracer<'a>,
     packets: Packets,
-    bus: BusLines,
+    bus: &'a Mutex<BusLines>,
 }
 
 impl<'a> WholeDatabase<'a> {
-    pub fn new(bvh: &'a Bvh8, database: &'a Verified, view: &View, simd: Simd, bus: BusLines) -> Self {
+    pub fn new(bvh: &'a Bvh8, database: &'a Verified, view: &View, simd: Simd, bus: &'a Mutex<BusLines>) -> Self {
         let packets = Packets { simd, derived_bytes: bvh.bytes() };
         Self { tracer: BatchTracer::new(bvh, database, view, simd), packets, bus }
     }
@@ -84,8 +84,12 @@ impl TileMemory for WholeDatabase<'_> {
         Ok((pixels, stats))
     }
 
-    fn bus(&mut self) -> &mut BusLines {
-        &mut self.bus
+    fn begin(&mut self, _: &Job) {}
+
+    fn tell_pixels(&mut self, job: &Job) -> Result<(), ConnectionError> {
+        let mut bus = self.bus.lock().unwrap_or_else(PoisonError::into_inner);
+        bus.begin(job.tile, job.attempt);
+        bus.tell_pixels(job.rect.pixel_count())
     }
 
     fn take_stats(&mut self) -> Option<MemoryStats> {

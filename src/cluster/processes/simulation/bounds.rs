@@ -4,7 +4,7 @@ use super::roles::Process;
 use super::schedule::Schedule;
 use crate::processes::driver::UNREAD_MAX;
 use crate::processes::manager::simulated::Queues;
-use crate::protocol::work::{JOBS_PER_NODE, TILES_PER_NODE};
+use crate::protocol::work::{jobs_per_node, tiles_per_node};
 
 /// Incidents that the manager keeps, as its log says.
 const INCIDENTS_MAX: usize = 1000;
@@ -21,7 +21,7 @@ type Size = (&'static str, usize, usize);
 /// The first of the manager's queues that is too long.
 pub(super) fn of_manager(queues: &Queues, schedule: &Schedule) -> Option<String> {
     let (clusters, nodes) = (usize::from(schedule.scenario.clusters), usize::from(schedule.scenario.nodes));
-    let (tiles, a_node) = (schedule.tiles() as usize, TILES_PER_NODE as usize);
+    let (tiles, a_node) = (schedule.tiles() as usize, tiles_per_node(1) as usize);
     let processes = 1 + clusters * (2 + nodes);
     let sizes = [
         ("attempts with masters", queues.out, a_node * clusters * nodes),
@@ -46,9 +46,9 @@ pub(super) fn of_process(process: &Process, schedule: &Schedule, started: usize)
         Process::Master(master) => {
             let [waiting, lost, peers] = master.machine.sizes();
             vec![
-                ("tiles", master.machine.tiles(), TILES_PER_NODE as usize * nodes),
-                ("requests that wait", waiting, JOBS_PER_NODE * nodes),
-                ("lost attempts", lost, JOBS_PER_NODE * started),
+                ("tiles", master.machine.tiles(), tiles_per_node(1) as usize * nodes),
+                ("requests that wait", waiting, jobs_per_node(1) * nodes),
+                ("lost attempts", lost, jobs_per_node(1) * started),
                 ("connections", peers, started),
             ]
         }
@@ -61,7 +61,7 @@ pub(super) fn of_process(process: &Process, schedule: &Schedule, started: usize)
                 ("condemned processes", condemned, 2 * started + FRAME_BEFORE_MAX),
             ]
         }
-        Process::Node(node) => vec![("tiles", node.machine.tiles(), JOBS_PER_NODE)],
+        Process::Node(node) => vec![("tiles", node.machine.tiles(), jobs_per_node(1))],
         Process::Bus(bus) => vec![("clients", bus.worker.clients(), nodes + 2)],
     };
     excess(&messages).or_else(|| excess(&own)).map(|excess| format!("{} has {excess}", process.child().id))

@@ -75,6 +75,7 @@ impl Schedule {
             assignment: *dice.choose(&[Assignment::OnDemand, Assignment::Interleaved]),
             seed,
             verify: *dice.choose(&[0.0, 0.1]),
+            threads: 1,
             deadlines: Deadlines {
                 startup: Duration::from_secs(10),
                 join: Duration::from_secs(600),

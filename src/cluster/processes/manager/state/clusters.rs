@@ -11,7 +11,7 @@ use super::supervision::{Exit, FAILURES_MAX, Supervision};
 use super::tiles::JobQueue;
 use crate::protocol::control::MasterCommand;
 use crate::protocol::hello::Role;
-use crate::protocol::work::TILES_PER_NODE;
+use crate::protocol::work::tiles_per_node;
 use ground::ids::{ClusterId, Epoch, NodeId};
 use machine::hardware::specification;
 
@@ -212,9 +212,9 @@ impl Clusters {
         }
     }
 
-    /// A master, which has `out` tiles, can take so many more. It is given [`TILES_PER_NODE`] at most, whatever it asks for.
-    pub(super) fn want(&mut self, cluster: ClusterId, tiles: u32, out: u32) {
-        let room = (TILES_PER_NODE * u32::from(self.specification.nodes)).saturating_sub(out);
+    /// A master, which has `out` tiles, can take so many more. It is given [`tiles_per_node`] at most, whatever it asks for.
+    pub(super) fn want(&mut self, cluster: ClusterId, tiles: u32, out: u32, threads: u16) {
+        let room = (tiles_per_node(threads) * u32::from(self.specification.nodes)).saturating_sub(out);
         let wanted = &mut self.cluster(cluster).wanted;
         *wanted = wanted.saturating_add(tiles).min(room);
     }
@@ -224,7 +224,7 @@ impl Clusters {
         usize::from(node.0) < self.slots.len() && self.specification.of(node) == cluster
     }
 
-    /// Kills masters that report nothing of a tile. A master asks for eight tiles per node, each node does one tile after the
+    /// Kills masters that report nothing of a tile. A master asks for eight tiles per node and thread, each thread does one tile after the
     /// other within the tile deadline, or is reported as late, and may have to join first: no honest one is silent for so long.
     pub(super) fn kill_silent_masters(&self, queue: &JobQueue, supervision: &mut Supervision) {
         let deadlines = supervision.plan.run.deadlines;

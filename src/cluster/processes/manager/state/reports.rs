@@ -104,7 +104,8 @@ impl State {
                 self.configure_nodes();
             }
             MasterReport::TilesWanted(tiles) => {
-                self.clusters.want(cluster, tiles, self.tiles.queue.out_of_cluster(cluster));
+                let out = self.tiles.queue.out_of_cluster(cluster);
+                self.clusters.want(cluster, tiles, out, self.supervision.plan.run.threads);
             }
             MasterReport::NodeReady { node, epoch } => {
                 self.tiles.ledger.first_tile.get_or_insert(self.supervision.now);

@@ -117,6 +117,7 @@ fn scenario(dice: &mut Dice) -> Scenario {
             assignment: *dice.choose(&[Assignment::OnDemand, Assignment::Interleaved]),
             seed: 1,
             verify: *dice.choose(&[0.0, 0.5, 1.0]),
+            threads: 1,
             deadlines,
         },
     }

@@ -35,6 +35,7 @@ impl Arbitrary for State {
                     bus: ([127, 0, 0, 1], 1).into(),
                     first_node: NodeId(first),
                     nodes: if forge.dice.chance(95) { NODES } else { forge.dice.below(1 << 16) as u16 },
+                    threads: 1,
                     assignment: Assignment::OnDemand,
                     tile_deadline_milliseconds: 1000,
                     key: KEY,

@@ -11,7 +11,7 @@ use crate::processes::node::tiles::Traced;
 use crate::protocol::control::{NodeCommand, NodeConfiguration, Packets};
 use crate::protocol::hello::Role;
 use crate::protocol::image::ImageReply;
-use crate::protocol::work::{JOBS_PER_NODE, TileDone, WorkReply};
+use crate::protocol::work::{TileDone, WorkReply, jobs_per_node};
 use ground::ids::{ClusterId, NodeId};
 use machine::hardware::specification::{LocalMemory, MemorySize, Replacement};
 use trace::picture::{AovSet, Pixels};
@@ -20,7 +20,7 @@ use trace::tracer::simd::Simd;
 
 impl Arbitrary for State {
     /// To start and to trace.
-    const TASKS_MAX: usize = 1 + JOBS_PER_NODE;
+    const TASKS_MAX: usize = 1 + jobs_per_node(1);
 
     fn begin() -> Self {
         Self::new(Role::Node(NodeId(0)))
