@@ -31,7 +31,8 @@ fn children_now(parent: u32) -> Vec<(String, u32)> {
             let (name, rest) = stat.split_once('(')?.1.rsplit_once(')')?;
             let mut fields = rest.split_whitespace();
             let (state, ppid) = (fields.next()?, fields.next()?);
-            (ppid == parent.to_string() && state != "Z").then(|| (name.to_owned(), pid))
+            // Until it has given itself the name of its role it has that of the program.
+            (ppid == parent.to_string() && state != "Z" && name != "marti").then(|| (name.to_owned(), pid))
         })
         .collect();
     found.sort();

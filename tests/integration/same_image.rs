@@ -74,7 +74,7 @@ fn a_node_with_threads_is_killed_or_corrupted_and_the_image_is_the_same() {
     for (fault, verify) in [("kill node@30%", "0"), ("corrupt node 1@20%", "1")] {
         let output = marti()
             .args(["run", TEAPOT, "--quiet", "--set", "cluster.local_memory.size=all", "--set", "cluster.threads=2"])
-            .args(["--set", &format!("run.verify={verify}"), "--chaos", fault, "--out"])
+            .args(["--set", "cluster.nodes=3", "--set", &format!("run.verify={verify}"), "--chaos", fault, "--out"])
             .arg(out.path().join(&fault[..4]))
             .output()
             .expect("marti can be started");

@@ -123,7 +123,7 @@ fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
             out,
             "tiles",
             format_args!(
-                "{} of {} by {} nodes, {} issued again, {} stale",
+                "{} of {} by {} nodes, {} reissued, {} late duplicates",
                 Grouped(tiles.done),
                 Grouped(tiles.total),
                 report.nodes.len(),
@@ -137,7 +137,7 @@ fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
             out,
             "memory",
             format_args!(
-                "{} a node in lines of {} bytes{}: {:.3}% of {} record accesses hit, {:.3}% of {} line accesses",
+                "{} per node in lines of {} bytes{}: {:.3}% of {} record accesses hit, {:.3}% of {} line accesses",
                 Bytes(memory.shape.local_bytes),
                 memory.line_bytes,
                 sets(memory.shape),
@@ -151,8 +151,9 @@ fn write_cluster(out: &mut String, report: &Report) -> fmt::Result {
             out,
             "ratios",
             format_args!(
-                "{:.6} misses a record access, {:.6} words moved a word read",
-                memory.misses_per_record_access, memory.words_moved_per_word_read
+                "{:.3}% of record accesses miss, words moved are {:.3}% of words read",
+                100.0 * memory.misses_per_record_access,
+                100.0 * memory.words_moved_per_word_read
             ),
         )?;
     }
@@ -254,9 +255,9 @@ mod tests {
             "packets, avx2, derived octree 91.3 KiB, 80.0 bytes a primitive",
             "12,345 of primitives, 678 saved by the mailbox",
             "5,600: 3,072 primary, 2,000 shadow, 500 reflection, 28 refraction; 2,800/s",
-            "4 of 5 by 2 nodes, 1 issued again",
-            "8.0 KiB a node in lines of 32 bytes, 64 sets of 4 ways: 89.796% of 980 record accesses hit",
-            "0.102041 misses a record access, 0.517647 words moved a word read",
+            "4 of 5 by 2 nodes, 1 reissued",
+            "8.0 KiB per node in lines of 32 bytes, 64 sets of 4 ways: 89.796% of 980 record accesses hit",
+            "10.204% of record accesses miss, words moved are 51.765% of words read",
             "103 fetches, 3.5 KiB of data",
             "all 1 checks hold",
             "1 of 4 tiles by a second node; the latest tile of 1 of 1 processes",

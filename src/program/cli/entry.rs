@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, CommandFactory, Error, FromArgMatches};
+use clap::{ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches};
 use nix::sys::prctl;
 use nix::sys::signal::{SigHandler, Signal, signal};
 
@@ -76,9 +76,18 @@ const OF_JOINING: [&str; 8] = ["interface", "advertise", "host", "keys", "token"
 pub fn parse<A: CommandFactory + FromArgMatches>(version: &'static str) -> A {
     let mut command = A::command().version(version).long_version(long_version(version));
     let matches = command.get_matches_mut();
-    let joining = matches.subcommand().map(|(_, arguments)| arguments).filter(|arguments| may_join(arguments));
-    let read = joining.map_or(Ok(()), check_joining).and_then(|()| A::from_arg_matches(&matches));
-    read.unwrap_or_else(|error| error.format(&mut command).exit())
+    if let Some((name, arguments)) = matches.subcommand()
+        && let Some(subcommand) = command.find_subcommand_mut(name)
+        && has(subcommand, "join")
+        && let Err(error) = check_joining(subcommand, arguments)
+    {
+        error.format(subcommand).exit()
+    }
+    A::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+fn has(command: &Command, option: &str) -> bool {
+    command.get_arguments().any(|argument| argument.get_id() == option)
 }
 
 /// The version, and what of this build and this processor decides how fast it is.
@@ -88,15 +97,9 @@ fn long_version(version: &str) -> String {
     format!("{version}\nvector instructions: {}\nOpenEXR output: {exr}", available.join(", "))
 }
 
-/// Whether the command has the options of [`JoinArguments`].
-fn may_join(matches: &ArgMatches) -> bool {
-    matches.try_contains_id("join").is_ok()
-}
-
-fn check_joining(matches: &ArgMatches) -> Result<(), Error> {
-    let is_typed = |option: &&str| {
-        matches.try_contains_id(option).is_ok() && matches.value_source(option) == Some(ValueSource::CommandLine)
-    };
+fn check_joining(command: &Command, matches: &ArgMatches) -> Result<(), Error> {
+    let is_typed =
+        |option: &&str| has(command, option) && matches.value_source(option) == Some(ValueSource::CommandLine);
     let refused = |kind, what: String| Err(Error::raw(kind, what));
     if !matches.contains_id("join")
         && let Some(option) = OF_JOINING.iter().find(|option| is_typed(option))
