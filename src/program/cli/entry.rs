@@ -42,16 +42,16 @@ pub fn enter(play: impl FnOnce() -> Result<ExitCode, Failure>) -> ExitCode {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Joining a run")]
 pub struct JoinArguments {
-    /// Ask this manager for a place, until there is one
+    /// Join the run of this manager; asks until a slot is free
     #[arg(long, value_name = "HOST:PORT", env = "MARTI_JOIN", value_parser = manager)]
     join: Option<(String, u16)>,
-    /// Where to listen, for those who dial this process [default: the interface by which it reaches the manager]
+    /// Address to listen at [default: the interface by which it reaches the manager]
     #[arg(long, value_name = "ADDRESS", env = "MARTI_BIND")]
     interface: Option<IpAddr>,
-    /// Under which address or name others reach this process [default: where it listens]
+    /// Address or name by which other processes reach this one [default: where it listens]
     #[arg(long, value_name = "NAME", env = "MARTI_ADVERTISE")]
     advertise: Option<String>,
-    /// Take a place on this host of the topology alone
+    /// Only take a slot on this host of the topology
     #[arg(long, value_name = "NAME", env = "MARTI_HOST")]
     host: Option<String>,
     /// Folder of keys that `marti keys new` made, or the file of this role
@@ -60,10 +60,10 @@ pub struct JoinArguments {
     /// File of the run's token, OUT/join.token, where there are no keys
     #[arg(long, value_name = "FILE", env = "MARTI_TOKEN")]
     token: Option<PathBuf>,
-    /// How long to ask for a place
+    /// How long to ask for a slot
     #[arg(long, value_name = "SECONDS", env = "MARTI_PATIENCE", default_value_t = Seconds(600.0))]
     patience: Seconds,
-    /// Tell by HTTP on this address, of this host alone, whether it has a place (/healthz)
+    /// Serve /healthz on this loopback address: whether it has a slot
     #[arg(long, value_name = "ADDRESS:PORT")]
     health: Option<SocketAddr>,
 }

@@ -9,12 +9,12 @@ use machine::replay::plan::setting::{ArbiterName, Assignment, Policy};
 use machine::tile_order::TileOrder;
 
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "What is varied")]
+#[command(next_help_heading = "Varied settings")]
 pub(in crate::cli) struct GridOptions {
     /// Sizes of a node's local memory: "all", shares such as 1/8, bytes such as "64 KiB"; ranges double
     #[arg(long, value_name = "LIST")]
     local_memory: Option<List<Size>>,
-    /// Bytes of a line, 16 to 256, of a trace of others up to 65536; ranges double
+    /// Bytes of a line, 16 to 256, of a trace from elsewhere up to 65536; ranges double
     #[arg(long, value_name = "LIST")]
     line: Option<List<LineBytes>>,
     /// Lines of a set, or full; ranges double

@@ -39,7 +39,7 @@ pub struct RenderArguments {
     /// Pixels of the image [default: the scene file's resolution, else 512x512]
     #[arg(long, value_name = "WxH")]
     pub size: Option<ImageSize>,
-    /// Threads that trace [default: one a processor]
+    /// Number of threads [default: all processors]
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
     /// Render so many times; the seconds reported are medians

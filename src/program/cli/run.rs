@@ -41,7 +41,7 @@ pub struct RunArguments {
     /// What to record besides the bus: references, which `marti replay` puts through other memories
     #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "resume")]
     pub record: Option<Record>,
-    /// Listen here for those who join, instead of where the topology's first host says
+    /// Listen at this address for processes that join, instead of where the topology's first host says
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,
     /// Folder of the cluster's keys, which `marti keys new` makes: processes prove who they are, and all is encrypted
@@ -53,7 +53,7 @@ pub struct RunArguments {
     /// Faults on purpose, such as "kill node@10%; cut node 3@50% for 5s" (docs/chaos.md)
     #[arg(long, value_name = "FAULTS")]
     pub chaos: Option<FaultSchedule>,
-    /// Tell by HTTP on this address, of this host alone, whether the run is ready (/healthz) and how far it is (/metrics)
+    /// Serve /healthz (whether the run is ready) and /metrics (its progress) on this loopback address
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub health: Option<SocketAddr>,
     /// Print no progress and no summary

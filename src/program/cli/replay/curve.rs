@@ -57,7 +57,7 @@ pub(super) fn print_curves<S: Subject>(
     for setting in settings {
         let of = (setting.line, setting.nodes, setting.clusters, setting.tile_order, setting.assignment);
         if setting.assignment == Assignment::OnDemand {
-            return Err(Failure::bad_input("--curve must know who traces what: expected recorded or interleaved"));
+            return Err(Failure::bad_input("--curve needs a fixed assignment: expected recorded or interleaved"));
         }
         if !seen.contains(&of) {
             seen.push(of);

@@ -96,7 +96,7 @@ fn export_references(
 ) -> Result<(), Failure> {
     if setting.assignment == Assignment::OnDemand {
         return Err(Failure::bad_input(
-            "references of nodes need to know who traces what: expected recorded or interleaved",
+            "references of nodes need a fixed assignment: expected recorded or interleaved",
         ));
     }
     let nodes = schedule(recording, setting).nodes;

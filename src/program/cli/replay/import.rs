@@ -15,7 +15,7 @@ use machine::replay::plan::setting::{Policy, Setting};
 
 /// How a trace is read that came from elsewhere.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Traces of others")]
+#[command(next_help_heading = "Traces from elsewhere")]
 pub(super) struct ImportArguments {
     /// The format of a trace that is not recognised by its content or name
     #[arg(long, value_name = "FORMAT", value_enum)]

@@ -30,9 +30,9 @@ use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
 use machine::replay::plan::setting::{Assignment, Setting};
 use machine::replay::stream::subject;
 
-/// Put recorded references through other memories, node counts and buses
+/// Simulate a recorded trace with other memories, policies, node counts and buses
 ///
-/// Options of what is varied take a list such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4; every combination
+/// Varied settings take a list such as 1,4,9 or a range such as 1..16, 1..64x2 or 1/32..1/4; every combination
 /// is simulated. What is not given stays as recorded.
 #[derive(Clone, Debug, Args)]
 #[command(after_long_help = combinations::help())]
@@ -40,7 +40,7 @@ pub struct ReplayArguments {
     // First: the other fields take their options away.
     #[command(flatten)]
     given: Given,
-    /// Folder of a run with `--record references`; or a trace of others: a file, or - for standard input
+    /// Folder of a run with `--record references`; or a trace from elsewhere: a file, or - for standard input
     pub recording: PathBuf,
     #[command(flatten)]
     grid: GridOptions,
@@ -63,7 +63,7 @@ pub struct ReplayArguments {
 
 /// What is to be answered; without any, a table of counts.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "What is asked")]
+#[command(next_help_heading = "Reports")]
 struct Asked {
     /// Divide misses into compulsory, capacity and conflict misses
     #[arg(long)]

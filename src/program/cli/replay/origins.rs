@@ -49,7 +49,7 @@ struct Row {
 
 fn counted(recording: &Recording, setting: &Setting) -> Result<Origins, Failure> {
     if setting.assignment == Assignment::OnDemand {
-        return Err(Failure::bad_input("origins need to know who traces what: expected recorded or interleaved"));
+        return Err(Failure::bad_input("origins need a fixed assignment: expected recorded or interleaved"));
     }
     let geometry = geometry(recording, setting)?;
     let Recording { layout, octree_levels, tiling, .. } = recording;
