@@ -3,6 +3,7 @@
 use super::bus_lines::BusLines;
 use super::tile_memory::{TileMemory, TraceError};
 use super::tiles::Job;
+use crate::protocol::connection::ConnectionError;
 use crate::protocol::control::{NodeConfiguration, Packets};
 use ground::ids::{Epoch, NodeId};
 use machine::hardware::local_memory::{Geometry, GeometryError, LocalMemory};

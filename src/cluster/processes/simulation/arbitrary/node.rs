@@ -81,6 +81,7 @@ fn configuration([master, bus, display]: [std::net::SocketAddr; 3]) -> NodeConfi
         aov: AovSet::default(),
         octree: Octree::DEFAULT,
         local_memory: LocalMemory { size: MemorySize::All, line: 64, ways: None, replacement: Replacement::Lru },
+        threads: 1,
         seed: 1,
         references: None,
     }
