@@ -63,8 +63,8 @@ fn results_are_json_and_csv_where_that_is_asked_for() {
     let check = json(&["check", TEAPOT, "--set", "run.assignment=on-demand", "--format", "json"]);
     assert_eq!(check["run"]["assignment"], "on_demand", "{check}");
     for option in [&["--format", "json"][..], &["--json"]] {
-        assert!(json(&[&["inspect", "gears:1"], option].concat())["sections"].is_array());
-        let verified = json(&[&["verify", "gears:1", "--rays", "100"], option].concat());
+        assert!(json(&[&["inspect", "gears:1"][..], option].concat())["sections"].is_array());
+        let verified = json(&[&["verify", "gears:1", "--rays", "100"][..], option].concat());
         assert_eq!(verified["kernels"][0]["kernel"], "single", "{verified}");
     }
     let csv = run(&["verify", "gears:1", "--rays", "100", "--format", "csv"]);
