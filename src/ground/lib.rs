@@ -1,6 +1,7 @@
 //! What every layer rests on: whole files, the outlet for text, the floating-point environment.
 
 pub mod atomic_file;
+pub mod colour;
 pub mod floating_point;
 pub mod ids;
 pub mod interruption;

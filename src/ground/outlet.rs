@@ -12,6 +12,8 @@ use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, poll};
 use nix::unistd;
 
+use crate::colour;
+
 /// For the reader of a full pipe or of a stopped terminal to make room. After a line was lost the next ones do not wait.
 const PATIENCE_MILLISECONDS: u8 = 100;
 /// A pipe that is ready takes so many bytes at once (POSIX's `PIPE_BUF` on Linux).
@@ -20,9 +22,9 @@ const READY_BYTES: usize = 4096;
 /// Standard error of this process.
 pub static STANDARD_ERROR: Outlet = Outlet { path: None, state: Mutex::new(State::new()) };
 
-/// Prints a line to standard error. A closed, full or stopped one is no failure.
+/// Prints a line to standard error, its key word in colour on a terminal. A closed, full or stopped one is no failure.
 pub fn say(line: impl Display) {
-    STANDARD_ERROR.write_line(&format!("{line}\n"));
+    STANDARD_ERROR.write_line(&(colour::message(&line.to_string(), &io::stderr()) + "\n"));
 }
 
 /// A file that is appended to, or standard error.

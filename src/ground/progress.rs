@@ -110,6 +110,7 @@ impl Steps {
 
 /// Parts of a work that several threads do.
 pub struct Parts {
+    quiet: bool,
     what: &'static str,
     bar: Option<ProgressBar>,
     start: Instant,
@@ -120,13 +121,13 @@ pub struct Parts {
 
 impl Parts {
     /// `what` parts are, as in `12/80 settings`.
-    pub fn new(what: &'static str) -> Self {
-        let bar = stderr().is_terminal().then(|| {
+    pub fn new(quiet: bool, what: &'static str) -> Self {
+        let bar = (!quiet && stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{bar:32} {pos}/{len} {msg}, {eta} left");
             let bar = ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar.with_message(what)
         });
-        Self { what, bar, start: Instant::now(), done: AtomicUsize::new(0), next: Mutex::new(LINE_PERIOD) }
+        Self { quiet, what, bar, start: Instant::now(), done: AtomicUsize::new(0), next: Mutex::new(LINE_PERIOD) }
     }
 
     /// One more of `all` is done.
@@ -135,7 +136,8 @@ impl Parts {
         if let Some(bar) = &self.bar {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
-        } else if let Ok(mut next) = self.next.try_lock()
+        } else if !self.quiet
+            && let Ok(mut next) = self.next.try_lock()
             && self.start.elapsed() >= *next
         {
             let seconds = self.start.elapsed().as_secs_f64();

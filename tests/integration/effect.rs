@@ -75,7 +75,7 @@ fn options_without_effect_are_refused() {
         (&["render", "teapot:2", "--mailbox", "off"][..], "--mailbox is of the single kernel"),
         (&["render", "teapot:2", "--kernel", "single", "--simd", "scalar"], "--simd is of packets"),
         (&["verify", "teapot:2", "--rays", "0"], "0 is not in 1.."),
-        (&["replay", "Cargo.toml", "-o", "x.txt"], "--output has no effect on a trace"),
+        (&["replay", "Cargo.toml", "-o", "x.txt"], "--out has no effect on a trace"),
         (&["replay", "out", "--heat-map", "misses", "-o", "x.jpg"], "expected a name ending in .png"),
         (
             &["replay", "tests/data", "--export", "csv", "-o", "tests/data/teapot-64.toml"],

@@ -1,5 +1,6 @@
 //! What must balance at the end of every run, whatever happened on the way.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use ground::ids::NodeId;
@@ -8,7 +9,7 @@ use machine::hardware::totals::{BusTotals, MasterTotals};
 use trace::database::Section;
 use trace::tracer::TraceStats;
 
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Conservation {
     /// Whether every check holds.
     pub holds: bool,
@@ -19,7 +20,7 @@ pub struct Conservation {
 }
 
 /// An equation between counts that different processes made.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Check {
     /// `left = right`, in words.
     pub name: String,

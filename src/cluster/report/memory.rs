@@ -1,5 +1,6 @@
 //! What the local memories counted, summed and apart.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::ratio;
@@ -10,7 +11,7 @@ use trace::database::{Layout, Section};
 use trace::tracer::RayKind;
 
 /// All nodes together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Memory {
     pub record_accesses: u64,
     /// Record accesses with at least one line missing: each is one fetch.
@@ -31,7 +32,7 @@ pub struct Memory {
     pub by_ray_kind: Vec<RayKindCounts>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AccessCounts {
     pub record_accesses: u64,
     pub misses: u64,
@@ -39,21 +40,21 @@ pub struct AccessCounts {
     pub line_misses: u64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SectionCounts {
     pub section: Section,
     #[serde(flatten)]
     pub counts: AccessCounts,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LevelCounts {
     pub level: u32,
     #[serde(flatten)]
     pub counts: AccessCounts,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RayKindCounts {
     pub ray_kind: RayKind,
     #[serde(flatten)]
@@ -61,7 +62,7 @@ pub struct RayKindCounts {
 }
 
 /// One node.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NodeMemory {
     pub record_accesses: u64,
     pub hits: u64,

@@ -6,12 +6,14 @@ pub mod conservation;
 pub mod incident;
 pub mod json;
 pub mod memory;
+pub mod schema;
 pub mod text;
 pub mod verification;
 pub mod view;
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use conservation::Conservation;
@@ -30,7 +32,7 @@ use trace::tracer::{RayKind, TraceStats};
 /// Raised with every change that a reader of report.json could notice.
 pub const SCHEMA_VERSION: u32 = 4;
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     pub schema_version: u32,
     /// Version of the program.
@@ -77,7 +79,7 @@ pub struct Report {
     pub seconds: Seconds,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     Done,
@@ -86,7 +88,7 @@ pub enum Status {
     Failed,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scene {
     /// The file, or the procedural scene and its size.
     pub source: String,
@@ -110,7 +112,7 @@ impl Scene {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Image {
     /// Pixels.
     pub width: u32,
@@ -131,7 +133,7 @@ pub struct Image {
 }
 
 /// What traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "name", rename_all = "snake_case")]
 pub enum Kernel {
     /// One ray at a time over the shared image, whose records are counted.
@@ -140,7 +142,7 @@ pub enum Kernel {
     Packets { simd: Simd, derived_bytes: u64 },
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Rays {
     pub primary: u64,
     pub shadow: u64,
@@ -164,7 +166,7 @@ impl Rays {
     }
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Octree {
     /// Branches and leaves.
     pub nodes: u64,
@@ -199,7 +201,7 @@ impl Octree {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct OctreeLevel {
     pub nodes: u64,
     /// Visits by rays; `None` where packets traced.
@@ -207,7 +209,7 @@ pub struct OctreeLevel {
     pub accesses: Option<u64>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Tests {
     pub primitive: u64,
     /// Of triangles within polygons that are objects; each polygon is one primitive test.
@@ -223,7 +225,7 @@ impl Tests {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Tiles {
     pub total: u64,
     pub done: u64,
@@ -242,7 +244,7 @@ pub struct Tiles {
     pub disagreements: u64,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Node {
     pub id: u16,
     /// Accepted ones.
@@ -252,7 +254,7 @@ pub struct Node {
     pub memory: Option<NodeMemory>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Bus {
     pub transactions: u64,
     pub fetches: u64,
@@ -298,7 +300,7 @@ impl Bus {
 }
 
 /// What faults on purpose came to; each of them is an incident as well.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Chaos {
     /// The faults, nothing left to chance.
     pub schedule: String,
@@ -308,7 +310,7 @@ pub struct Chaos {
 }
 
 /// Wall clock, but `render_cpu`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Seconds {
     pub load: f64,
     pub octree: f64,

@@ -1,10 +1,11 @@
 //! Which tiles of the image were rendered by more than one node, with the same bytes.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use ground::ids::{Producer, RunId};
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verification {
     /// Tiles of the image that at least two processes rendered, with the same bytes.
     pub tiles: u64,
@@ -15,7 +16,7 @@ pub struct Verification {
 }
 
 /// A process of a node, and its tiles in the image.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Process {
     pub node: u16,
     pub epoch: u32,

@@ -2,13 +2,14 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use trace::preparation::{CameraPart, ChosenView, Prepared};
 use trace::scene;
 
 /// The smallest box around all primitives, world units.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Bounds {
     pub low: [f64; 3],
     pub high: [f64; 3],
@@ -20,7 +21,7 @@ impl Bounds {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Camera {
     /// World units.
     pub from: [f64; 3],
@@ -34,7 +35,7 @@ pub struct Camera {
     pub chosen: Vec<String>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraSource {
     /// The scene's own camera.

@@ -428,7 +428,10 @@ fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Re
 
 /// Reads a name from a string alone: toml would also take a table for an enum.
 fn name<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<T, D::Error> {
-    T::deserialize(String::deserialize(deserializer)?.into_deserializer())
+    let text = String::deserialize(deserializer)?;
+    let read = |text: String| T::deserialize(text.into_deserializer());
+    let other = read(text.replace('-', "_")).or_else(|_: D::Error| read(text.replace('_', "-")));
+    read(text).or_else(|error| other.map_err(|_: D::Error| error))
 }
 
 fn some_name<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {

@@ -25,6 +25,14 @@ impl Topology {
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(&File::from(self))
     }
+
+    /// The same as a table, which can be written as JSON: docs/topology.schema.json has its keys.
+    ///
+    /// # Errors
+    /// As of [`Self::to_toml`].
+    pub fn to_table(&self) -> Result<toml::Table, toml::ser::Error> {
+        toml::Table::try_from(File::from(self))
+    }
 }
 
 impl From<&Topology> for File {

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::{Failure, print, subject};
+use super::options::TextOrJson;
+use super::{Failure, json, print, subject};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
 use cluster::report::{Bounds, Camera};
@@ -31,6 +32,9 @@ pub struct CheckArguments {
     /// Warnings about the scene are errors
     #[arg(long)]
     strict: bool,
+    /// How the result is printed; as JSON it is the topology with every key, as in docs/topology.schema.json
+    #[arg(long, value_enum, default_value_t = TextOrJson::Text)]
+    format: TextOrJson,
 }
 
 pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
@@ -50,7 +54,10 @@ pub(super) fn check(arguments: &CheckArguments) -> Result<(), Failure> {
     if arguments.strict && subject.warnings.iter().any(trace::preparation::is_certain) {
         return Err(Failure::of_warnings());
     }
-    print(&summary(&topology, &subject))
+    print(&match arguments.format {
+        TextOrJson::Text => summary(&topology, &subject),
+        TextOrJson::Json => json(&topology.to_table().map_err(|error| Failure::failed(error.to_string()))?)?,
+    })
 }
 
 /// What would be rendered.

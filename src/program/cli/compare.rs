@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::options::TextOrJson;
 use super::{Exit, Failure, output_path, print};
 use cluster::report;
 use cluster::topology::Topology;
@@ -24,25 +25,19 @@ pub struct CompareArguments {
     #[arg(short, long, value_name = "FILE.png")]
     out: Option<PathBuf>,
     /// How the result is printed
-    #[arg(long, default_value = "text")]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = TextOrJson::Text)]
+    format: TextOrJson,
     /// Exit with 1 if pixels, settings or counts differ
     #[arg(long)]
     exit_code: bool,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-enum Format {
-    Text,
-    Json,
 }
 
 pub(super) fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
     let (a, b) = (Subject::find(&arguments.a)?, Subject::find(&arguments.b)?);
     let compared = Compared::of(&a, &b, arguments.out.as_deref())?;
     print(&match arguments.format {
-        Format::Text => compared.to_string(),
-        Format::Json => super::json(&compared)?,
+        TextOrJson::Text => compared.to_string(),
+        TextOrJson::Json => super::json(&compared)?,
     })?;
     match arguments.exit_code && !compared.is_same() {
         true => Err(Failure::new(Exit::Failed, format!("{} and {} differ", a.name, b.name))),

@@ -1,5 +1,6 @@
 //! How the program begins, and how the processes go on that `marti run` starts, or that join it.
 
+use std::env;
 use std::ffi::CString;
 use std::fmt::Display;
 use std::net::{IpAddr, SocketAddr};
@@ -13,11 +14,12 @@ use clap::{ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches};
 use nix::sys::prctl;
 use nix::sys::signal::{SigHandler, Signal, signal};
 
-use super::Failure;
+use super::{Failure, similar};
 use cluster::processes::join::{self, Joining};
 use cluster::processes::{Child, Origin};
 use cluster::protocol::hello::Role;
 use cluster::topology::value::Seconds;
+use ground::colour::{self, Choice};
 use ground::floating_point;
 use trace::image_file;
 use trace::tracer::simd::Simd;
@@ -74,8 +76,12 @@ const OF_JOINING: [&str; 8] = ["interface", "advertise", "host", "keys", "token"
 
 /// Reads the command line of a program of this version. Ends the process where it cannot be read, and where an option of joining would have no effect.
 pub fn parse<A: CommandFactory + FromArgMatches>(version: &'static str) -> A {
+    colour::choose(wanted_colours());
     let mut command = A::command().version(version).long_version(long_version(version));
-    let matches = command.get_matches_mut();
+    let matches = command.try_get_matches_from_mut(env::args_os()).unwrap_or_else(|error| {
+        let error = similar::with_commands(error, &command);
+        error.exit()
+    });
     if let Some((name, arguments)) = matches.subcommand()
         && let Some(subcommand) = command.find_subcommand_mut(name)
         && has(subcommand, "join")
@@ -88,6 +94,20 @@ pub fn parse<A: CommandFactory + FromArgMatches>(version: &'static str) -> A {
 
 fn has(command: &Command, option: &str) -> bool {
     command.get_arguments().any(|argument| argument.get_id() == option)
+}
+
+/// What `--color` says, known before the command line is read as a whole.
+fn wanted_colours() -> Choice {
+    let typed: Vec<String> = env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    let value = typed.iter().enumerate().find_map(|(i, word)| match word.strip_prefix("--color")? {
+        "" => typed.get(i + 1).map(String::as_str),
+        value => value.strip_prefix('='),
+    });
+    match value {
+        Some("always") => Choice::Always,
+        Some("never") => Choice::Never,
+        _ => Choice::Auto,
+    }
 }
 
 /// The version, and what of this build and this processor decides how fast it is.

@@ -13,16 +13,18 @@ pub(super) const RENDER: &str = "Examples:
   marti render topologies/teapot.toml --kernel single";
 
 pub(super) const SCENE: &str = "Examples:
+  marti scene gears --size 2
   marti scene balls --size 4 -o balls4.nff";
 
 pub(super) const INSPECT: &str = "Examples:
   marti inspect gears:2
-  marti inspect scenes/house.obj --json
+  marti inspect scenes/house.obj --format json
   marti inspect teapot --database teapot.db";
 
 pub(super) const CHECK: &str = "Examples:
   marti check topologies/teapot.toml
-  marti check topologies/teapot.toml --set cluster.nodes=9";
+  marti check topologies/teapot.toml --set cluster.nodes=9
+  marti check scenes/house.obj --format json";
 
 pub(super) const COMPARE: &str = "Examples:
   marti compare out/teapot out/small
@@ -43,6 +45,7 @@ pub(super) const REPLAY: &str = "Examples:
 
 pub(super) const VERIFY: &str = "Examples:
   marti verify gears:2 --rays 50000
+  marti verify teapot:4 --rays 20000 --format json
   marti verify --watertight --rays 1000000";
 
 pub(super) const STUDY: &str = "Examples:
@@ -50,7 +53,8 @@ pub(super) const STUDY: &str = "Examples:
   marti study sweep topologies/paper-teapot-9.toml --nodes 9,16 --bus-width 4,8 --line 64,128 --out out/sweep";
 
 pub(super) const SCHEMA: &str = "Examples:
-  marti schema topology";
+  marti schema topology > topology.schema.json
+  marti schema report";
 
 pub(super) const NODE: &str = "Examples:
   marti node --join manager.example:4242 --keys keys

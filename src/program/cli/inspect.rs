@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{OctreeOptions, RecordOptions};
-use super::{Failure, output_path, print};
+use super::options::{OctreeOptions, RecordOptions, TextOrJson};
+use super::{Failure, json, output_path, print};
+use crate::study::page::table::grouped;
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
 use cluster::report::{Bounds, Camera};
@@ -33,9 +34,12 @@ pub struct InspectArguments {
     /// Write the database's bytes to a file, as they are in cluster memory (docs/model.md)
     #[arg(long, value_name = "FILE")]
     database: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t = TextOrJson::Text)]
+    format: TextOrJson,
+    /// As --format json
+    #[arg(long, hide = true, conflicts_with = "format")]
+    json: bool,
 }
 
 pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
@@ -64,12 +68,10 @@ pub(super) fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
             .map_err(|error| Failure::failed(error.to_string()))?;
     }
     let inspection = Inspection::of(arguments.scene.to_string(), &chosen, &database);
-    if arguments.json {
-        let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::failed(error.to_string()))?;
-        print(&(json + "\n"))
-    } else {
-        print(&inspection.text())
-    }
+    print(&match arguments.format {
+        TextOrJson::Text if !arguments.json => inspection.text(),
+        _ => json(&inspection)?,
+    })
 }
 
 /// What a database consists of.
@@ -166,7 +168,7 @@ impl Inspection {
     }
 
     fn write(&self, out: &mut String) -> std::fmt::Result {
-        writeln!(out, "scene     {}, {} primitives", incident::line(&self.scene), self.scene_primitives)?;
+        writeln!(out, "scene     {}, {} primitives", incident::line(&self.scene), grouped(self.scene_primitives))?;
         if let Some(bounds) = &self.bounds {
             writeln!(out, "bounds    {bounds}")?;
         }
@@ -174,31 +176,36 @@ impl Inspection {
         writeln!(
             out,
             "database  {} bytes for {} primitives after triangulation, {:.1} bytes each\n",
-            self.database_bytes, self.primitives, self.bytes_per_primitive
+            grouped(self.database_bytes),
+            grouped(self.primitives),
+            self.bytes_per_primitive
         )?;
-        writeln!(out, "{:<14}{:>12}{:>12}{:>14}{:>14}", "section", "base", "records", "bytes each", "bytes")?;
+        writeln!(out, "{:<14}{:>14}{:>14}{:>14}{:>16}", "section", "base, bytes", "records", "bytes each", "bytes")?;
         for SectionRow { section, base, records, record_bytes, bytes } in &self.sections {
-            writeln!(out, "{section:<14}{base:>12}{records:>12}{record_bytes:>14}{bytes:>14}")?;
+            let [base, records, bytes] = [base, records, bytes].map(|&count| grouped(count));
+            writeln!(out, "{section:<14}{base:>14}{records:>14}{record_bytes:>14}{bytes:>16}")?;
         }
         let octree = &self.octree;
         writeln!(
             out,
-            "\noctree    {} nodes ({} branches, {} leaves, {} empty), depth {}, {} references, {:.2} a primitive\n",
-            octree.nodes,
-            octree.branches,
-            octree.leaves,
-            octree.empty_leaves,
+            "\noctree    {} nodes: {} branches, {} leaves, {} empty leaves; depth {}\n          {} references, {:.2} per primitive\n",
+            grouped(octree.nodes),
+            grouped(octree.branches),
+            grouped(octree.leaves),
+            grouped(octree.empty_leaves),
             octree.depth,
-            octree.references,
+            grouped(octree.references),
             octree.references_per_primitive
         )?;
         writeln!(
             out,
-            "{:<7}{:>12}{:>12}{:>12}{:>12}{:>14}",
+            "{:<7}{:>14}{:>14}{:>14}{:>14}{:>16}",
             "level", "nodes", "branches", "leaves", "empty", "references"
         )?;
         for (level, LevelRow { nodes, branches, leaves, empty_leaves, references }) in self.levels.iter().enumerate() {
-            writeln!(out, "{level:<7}{nodes:>12}{branches:>12}{leaves:>12}{empty_leaves:>12}{references:>14}")?;
+            let [nodes, branches, leaves, empty, references] =
+                [nodes, branches, leaves, empty_leaves, references].map(|&count| grouped(count));
+            writeln!(out, "{level:<7}{nodes:>14}{branches:>14}{leaves:>14}{empty:>14}{references:>16}")?;
         }
         Ok(())
     }

@@ -173,10 +173,11 @@ impl Value for WayCount {
     }
 }
 
-/// An arbiter as it is typed: `fifo`, `round_robin`, `round_robin:QUANTUM`, `fixed_priority`.
+/// An arbiter as it is typed: `fifo`, `round_robin`, `round_robin:QUANTUM`, `fixed_priority`; also with `-` for `_`.
 pub(super) fn arbiter(text: &str) -> Result<ArbiterName, String> {
     let quantum = |text: &str| text.parse::<Quantum>().map(|quantum| quantum.0);
-    match text.split_once(':').map_or((text, None), |(name, quantum)| (name, Some(quantum))) {
+    let text = &text.replace('-', "_");
+    match text.split_once(':').map_or((text.as_str(), None), |(name, quantum)| (name, Some(quantum))) {
         ("fifo", None) => Ok(ArbiterName(Arbiter::Fifo)),
         ("fixed_priority", None) => Ok(ArbiterName(Arbiter::FixedPriority)),
         ("round_robin", None) => Ok(ArbiterName(Arbiter::RoundRobin { quantum: 1 })),

@@ -15,10 +15,12 @@ pub mod options;
 mod output_path;
 pub mod render;
 pub mod replay;
+mod report;
 pub mod roles;
 pub mod run;
 pub mod scene;
 pub mod schema;
+mod similar;
 pub mod study;
 mod subject;
 mod table;
@@ -29,7 +31,7 @@ mod watertight;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{ColorChoice, Parser, Subcommand};
 
 pub use failure::{Exit, Failure};
 
@@ -37,6 +39,10 @@ pub use failure::{Exit, Failure};
 #[derive(Debug, Parser)]
 #[command(name = "marti", bin_name = "marti", version, max_term_width = 100, arg_required_else_help = true)]
 pub struct Arguments {
+    // Read before the rest, by `entry`: what the command line is refused with is in colour, too.
+    /// When key words are in colour; auto: on a terminal, unless NO_COLOR is set
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = ColorChoice::Auto)]
+    color: ColorChoice,
     #[command(subcommand)]
     command: Command,
 }
@@ -168,7 +174,15 @@ mod tests {
              --arbiter fifo,round_robin:4 --timings --classes --format csv --partial",
             "marti replay out/t --curve --verify",
             "marti replay out/t --contention --nodes 1..64x2 --format json",
-            "marti replay out/t --origins",
+            "marti replay out/t --origins --color never",
+            "marti --color always replay out/t --output a.din --export din --node 0",
+            "marti render gears --output a.png --format json",
+            "marti scene gears --output a.nff",
+            "marti check t.toml --format json",
+            "marti verify gears -q",
+            "marti verify gears --format csv",
+            "marti inspect gears --format json",
+            "marti replay out/t --assignment on_demand --arbiter round-robin:4,fixed-priority --replacement s3_fifo -q",
             "marti replay out/t --heat-map misses -o m.png",
             "marti replay out/t --export oracle-general --node 0 -o t.oracleGeneral",
             "marti replay t.oracleGeneral --local-memory 4096",
@@ -232,14 +246,17 @@ mod tests {
             ("marti replay o --tile-order spiral", "expected scanline, morton or random"),
             ("marti replay o --arbiter round_robin:0", "expected an integer from 1 to 1024"),
             ("marti replay o --bus-width 3", "power of two"),
-            ("marti replay o --export din", "--output <FILE>"),
-            ("marti replay o --heat-map misses", "--output <FILE>"),
+            ("marti replay o --export din", "--out <FILE>"),
+            ("marti replay o --heat-map misses", "--out <FILE>"),
             ("marti replay o --curve --origins", "cannot be used with"),
             ("marti replay o --to-bus 127.0.0.1:1", "--token <FILE>"),
             ("marti study", "paper"),
             ("marti study paper --format xml", "possible values: text, json, csv"),
             ("marti study sweep t.toml --nodes 0", "expected an integer from 1 to 256"),
-            ("marti schema report", "possible values: topology"),
+            ("marti verify gears --json --format text", "cannot be used with"),
+            ("marti run t.toml -q --format json", "cannot be used with"),
+            ("marti --color red check t.toml", "possible values: auto, always, never"),
+            ("marti schema recording", "possible values: topology, report"),
         ] {
             let error = parse(line).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

@@ -11,6 +11,13 @@ use trace::database::{Numbers, Objects, RecordLayout};
 use trace::picture::AovSet;
 use trace::tracer::octree::Octree;
 
+/// How a result is printed that is no table.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub(super) enum TextOrJson {
+    Text,
+    Json,
+}
+
 /// What is written besides the image.
 #[derive(Clone, Debug, Args)]
 pub struct OutputOptions {

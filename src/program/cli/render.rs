@@ -9,11 +9,12 @@ use std::time::{Duration, Instant};
 use clap::{Args, ValueEnum, value_parser};
 use nix::sys::signal::Signal;
 
-use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, png_path};
+use super::options::{ImageSize, OctreeOptions, OutputOptions, Switch, TextOrJson, png_path};
+use super::report::print_report;
 use super::view_options::ViewOptions;
-use super::{Exit, Failure, output_path, print, subject};
+use super::{Exit, Failure, output_path, subject};
 use cluster::processes::scene_warnings;
-use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json, text};
+use cluster::report::{self, Report, SCHEMA_VERSION, Seconds, json};
 use cluster::topology::value::{Cutoff, Depth};
 use cluster::topology::{self, Topology};
 use ground::interruption::Interruption;
@@ -34,8 +35,8 @@ pub struct RenderArguments {
     /// or a topology file: its scene, view and image, but for what is given here
     pub scene: SceneSource,
     /// Image to write, into a folder that exists [default: the name of the scene, or of the topology, with .png]
-    #[arg(long, short, value_name = "NAME.png", value_parser = png_path)]
-    output: Option<PathBuf>,
+    #[arg(long, short, alias = "output", value_name = "NAME.png", value_parser = png_path)]
+    out: Option<PathBuf>,
     /// Pixels of the image [default: the scene file's resolution, else 512x512]
     #[arg(long, value_name = "WxH")]
     pub size: Option<ImageSize>,
@@ -66,6 +67,9 @@ pub struct RenderArguments {
     simd: Option<Simd>,
     #[command(flatten)]
     pub planes: OutputOptions,
+    /// How the summary is printed; as JSON it is the whole report (docs/report.md)
+    #[arg(long, value_enum, default_value_t = TextOrJson::Text, conflicts_with = "quiet")]
+    format: TextOrJson,
     /// Print no progress and no summary
     #[arg(long, short)]
     quiet: bool,
@@ -132,7 +136,7 @@ impl RenderArguments {
             SceneSource::File(path) if subject::is_topology(path) => topology.name.clone(),
             scene => scene.name(),
         };
-        self.output.clone().unwrap_or_else(|| PathBuf::from(name() + ".png"))
+        self.out.clone().unwrap_or_else(|| PathBuf::from(name() + ".png"))
     }
 }
 
@@ -183,7 +187,7 @@ pub(super) fn render(arguments: &RenderArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         json::write(&report, path).map_err(|error| Failure::failed(error.to_string()))?;
     }
-    let printed = if arguments.quiet { Ok(()) } else { print(&text::summary(&report)) };
+    let printed = if arguments.quiet { Ok(()) } else { print_report(&report, arguments.format) };
     match interruption.signal() {
         None => printed,
         Some(signal) => Err(interrupted(signal, &rendering, &image)),

@@ -67,7 +67,7 @@ pub struct BusArguments {
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:0", requires = "recording")]
     bind: SocketAddr,
     /// Folder for this bus' own recording, its log, and bus.token, the file with its secret
-    #[arg(long, value_name = "DIR", default_value = "out/bus", requires = "recording")]
+    #[arg(long, short, value_name = "DIR", default_value = "out/bus", requires = "recording")]
     out: PathBuf,
     #[command(flatten)]
     join: JoinArguments,

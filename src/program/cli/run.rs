@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::options::OutputOptions;
+use super::options::{OutputOptions, TextOrJson};
+use super::report::print_report;
 use super::{Exit, Failure, print, subject};
 use cluster::chaos::FaultSchedule;
 use cluster::processes::manager::{self, Interrupt, RunEnd, RunRequest};
-use cluster::report::text;
 use cluster::topology::{Override, Topology};
 use ground::outlet;
 
@@ -22,7 +22,7 @@ pub struct RunArguments {
     pub topology: Option<PathBuf>,
     /// Folder for the image, the report and the recording [default: out/NAME/ for NAME.toml]; what an earlier run left
     /// there is moved to DIR/earlier/N
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, short, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Go on with the run that was interrupted in this folder: with its topology, and the tiles that it had
     #[arg(long, value_name = "DIR", conflicts_with_all = ["topology", "out"])]
@@ -56,6 +56,9 @@ pub struct RunArguments {
     /// Serve /healthz (whether the run is ready) and /metrics (its progress) on this loopback address
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub health: Option<SocketAddr>,
+    /// How the summary is printed; as JSON it is the whole report (docs/report.md)
+    #[arg(long, value_enum, default_value_t = TextOrJson::Text, conflicts_with = "quiet")]
+    format: TextOrJson,
     /// Print no progress and no summary
     #[arg(long, short)]
     pub quiet: bool,
@@ -104,11 +107,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         && let Some(report) = manager::finished(&out)
     {
         if !arguments.quiet {
-            print(&format!(
-                "{}: the run is finished, nothing was rendered; its summary:\n{}",
-                out.display(),
-                text::summary(&report)
-            ))?;
+            if arguments.format == TextOrJson::Text {
+                print(&format!("{}: the run is finished, nothing was rendered; its summary:\n", out.display()))?;
+            }
+            print_report(&report, arguments.format)?;
         }
         return Ok(());
     }
@@ -142,7 +144,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), Failure> {
         let exit = if error.is_bad_input() { Exit::BadInput } else { Exit::Failed };
         Failure::new(exit, error.to_string())
     })?;
-    let printed = if arguments.quiet { Ok(()) } else { print(&text::summary(&outcome.report)) };
+    let printed = if arguments.quiet { Ok(()) } else { print_report(&outcome.report, arguments.format) };
     match outcome.end {
         RunEnd::Done => printed,
         RunEnd::Failed(why) => Err(Failure::failed(why)),

@@ -19,14 +19,14 @@ pub struct SceneArguments {
     #[arg(long, value_name = "squares|none")]
     pub board: Option<Board>,
     /// File to write [default: standard output]
-    #[arg(long, short, value_name = "FILE.nff")]
-    pub output: Option<PathBuf>,
+    #[arg(long, short, alias = "output", value_name = "FILE.nff")]
+    pub out: Option<PathBuf>,
 }
 
 pub(super) fn scene(arguments: &SceneArguments) -> Result<(), Failure> {
-    arguments.output.iter().try_for_each(|file| output_path::check(file))?;
-    let SceneArguments { kind, size, board, output } = arguments;
-    procedural::write(*kind, *size, *board, output.as_deref()).map_err(|error| match error {
+    arguments.out.iter().try_for_each(|file| output_path::check(file))?;
+    let SceneArguments { kind, size, board, out } = arguments;
+    procedural::write(*kind, *size, *board, out.as_deref()).map_err(|error| match error {
         WriteError::Size(error) => Failure::bad_input(error.to_string()),
         WriteError::Board(error) => Failure::bad_input(format!("--board: {error}")),
         WriteError::Io(error) => Failure::failed(error.to_string()),

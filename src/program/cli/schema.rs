@@ -1,9 +1,9 @@
-//! `marti schema topology`
+//! `marti schema topology|report`
 
 use clap::{Args, ValueEnum};
 
 use super::{Failure, print};
-use cluster::topology;
+use cluster::{report, topology};
 
 /// Print the JSON schema of a file format
 #[derive(Clone, Debug, Args)]
@@ -14,12 +14,16 @@ pub struct SchemaArguments {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {
+    /// A topology file
     Topology,
+    /// The report.json of a run
+    Report,
 }
 
 pub(super) fn schema(arguments: &SchemaArguments) -> Result<(), Failure> {
-    let text = match arguments.format {
-        Format::Topology => topology::schema::json().map_err(|error| Failure::failed(error.to_string()))?,
+    let schema = match arguments.format {
+        Format::Topology => topology::schema::json(),
+        Format::Report => report::schema::json(),
     };
-    print(&text)
+    print(&schema.map_err(|error| Failure::failed(error.to_string()))?)
 }

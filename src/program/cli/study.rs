@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 
 use super::grid_options::{GridOptions, SETTINGS, TIMES};
-use super::replay::are_timed;
+use super::replay::{are_timed, reasons};
 use super::table::{Format, Table};
 use super::{Failure, json, output_path, print, subject};
 use crate::study::page::Page;
@@ -68,7 +68,7 @@ struct StudyOutput {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// Folder that also gets study.html, with plots, and study.json
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print no progress
     #[arg(long, short)]
@@ -134,7 +134,8 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     steps.clear();
     let sweep = found.map_err(|error| Failure::bad_input(error.to_string()))?;
     let table = Table::new(&sweep.rows)?.hiding(if are_timed(&sweep.rows) { &[] } else { &[&TIMES] });
-    let text = || format!("{}\n{}", sweep.heading(), table.print(Format::Text, &SETTINGS));
+    let notes: String = reasons(&sweep.rows).iter().map(|reason| format!("\napproximate: {reason}\n")).collect();
+    let text = || format!("{}\n{}{notes}", sweep.heading(), table.print(Format::Text, &SETTINGS));
     output.write(&sweep, || sweep::page(&sweep, text()))?;
     print(&match output.format {
         Format::Text => text(),

@@ -1,16 +1,15 @@
 //! `marti verify`
 
-use std::fmt;
-
 use clap::{Args, value_parser};
 use serde::Serialize;
 
 use super::options::{OctreeOptions, RecordOptions};
-use super::{Failure, print, watertight};
+use super::table::{Format, Table};
+use super::{Failure, json, print, watertight};
 use cluster::processes::scene_warnings;
 use cluster::report::incident;
 use trace::database::RecordLayout;
-use trace::oracle::{self, AimedAt, Outcomes, Verification};
+use trace::oracle::{self, AimedAt, KernelOutcomes, Outcomes, Verification};
 use trace::picture::ImageSettings;
 use trace::preparation::{self, BuildChoices, ViewChoices};
 use trace::scene::Placement;
@@ -19,8 +18,8 @@ use trace::tracer::octree::Octree;
 
 /// Shoot rays through the tracer and through brute force in exact arithmetic, and count where they differ
 ///
-/// Every ray goes through each kernel: hero, one ray at a time, and wide, in batches, with every set of vector
-/// instructions that this processor has. All have to give the same bits.
+/// Every ray goes through each kernel: single, one ray at a time, and packets, with every set of vector instructions
+/// that this processor has. All have to give the same bits.
 #[derive(Clone, Debug, Args)]
 #[command(override_usage = "marti verify [OPTIONS] <SCENE>\n       marti verify [OPTIONS] --watertight")]
 pub struct VerifyArguments {
@@ -54,9 +53,26 @@ pub struct VerifyArguments {
     octree: OctreeOptions,
     #[command(flatten)]
     records: RecordOptions,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t = Format::Text, conflicts_with = "quiet")]
+    format: Format,
+    /// As --format json
+    #[arg(long, hide = true, conflicts_with_all = ["format", "quiet"])]
+    json: bool,
+    /// Print no progress and no result: the exit code is 0 if no ray is wrong
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Columns that name a row.
+const SETTINGS: [&str; 2] = ["kernel", "aimed_at"];
+
+impl VerifyArguments {
+    /// `None`: nothing is printed.
+    fn printed(&self) -> Option<Format> {
+        let format = if self.json { Format::Json } else { self.format };
+        Some(format).filter(|_| !self.quiet)
+    }
 }
 
 pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
@@ -67,7 +83,7 @@ pub(super) fn verify(arguments: &VerifyArguments) -> Result<(), Failure> {
         None if arguments.records.layout()? != RecordLayout::DEFAULT => {
             Err(Failure::bad_input("--records, --numbers and --record-bytes are of a scene, expected one"))
         }
-        None => watertight::verify(arguments.rays, arguments.seed, octree, arguments.json),
+        None => watertight::verify(arguments.rays, arguments.seed, octree, arguments.printed()),
     }
 }
 
@@ -81,11 +97,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, choices: Buil
     scene_warnings::show(warnings.iter().chain(&chosen.warnings));
     let verification = oracle::verify(&database, &chosen.view, arguments.rays, arguments.seed);
     let report = Report { scene: source.to_string(), placement, seed: arguments.seed, verification };
-    if arguments.json {
-        print(&super::json(&report)?)?;
-    } else {
-        print(&report.to_string())?;
-    }
+    arguments.printed().map_or(Ok(()), |format| report.print(format))?;
     let mut faults = Outcomes::default();
     for kernel in &report.verification.kernels {
         faults.sum(&kernel.total);
@@ -94,7 +106,7 @@ fn verify_scene(arguments: &VerifyArguments, source: &SceneSource, choices: Buil
         Ok(())
     } else {
         Err(Failure::failed(format!(
-            "{} lost hits, {} false hits, {} self-hits, {} answers that are not HERO's",
+            "{} lost hits, {} false hits, {} self-hits, {} answers that differ from those of the single kernel",
             faults.lost, faults.false_hits, faults.self_hits, faults.differing
         )))
     }
@@ -117,46 +129,58 @@ struct Report {
     verification: Verification,
 }
 
-impl fmt::Display for Report {
-    /// A row a kernel, and what HERO's rays were aimed at; JSON has that of every kernel.
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Placement { scale, translation } = self.placement;
-        writeln!(out, "scene     {}, scaled by {scale:e}, moved by {translation:e}", incident::line(&self.scene))?;
-        let kernels = &self.verification.kernels;
-        write_head(out, "kernel")?;
-        for kernel in kernels {
-            write_row(out, &kernel.kernel.to_string(), &kernel.total)?;
-        }
-        if let Some(hero) = kernels.first() {
-            writeln!(out)?;
-            write_head(out, "hero, at")?;
-            for aim in AimedAt::ALL {
-                write_row(out, aim.name(), &hero.by_aim[aim as usize])?;
+/// What came of a kernel's rays: of all, or of those that were aimed at something.
+#[derive(Serialize)]
+struct Row {
+    kernel: String,
+    aimed_at: &'static str,
+    #[serde(flatten)]
+    outcomes: Outcomes,
+}
+
+impl Row {
+    /// A row per kernel.
+    fn of_kernels(verification: &Verification) -> Vec<Self> {
+        let row = |of: &KernelOutcomes| Self { kernel: of.kernel.to_string(), aimed_at: "all", outcomes: of.total };
+        verification.kernels.iter().map(row).collect()
+    }
+
+    /// A row per thing that a kernel's rays were aimed at.
+    fn of_aims(of: &KernelOutcomes) -> impl Iterator<Item = Self> + '_ {
+        AimedAt::ALL.into_iter().map(move |aim| Self {
+            kernel: of.kernel.to_string(),
+            aimed_at: aim.name(),
+            outcomes: of.by_aim[aim as usize],
+        })
+    }
+}
+
+impl Report {
+    fn print(&self, format: Format) -> Result<(), Failure> {
+        let Verification { kernels, disagreements } = &self.verification;
+        let mut rows = Row::of_kernels(&self.verification);
+        match format {
+            Format::Json => return print(&json(self)?),
+            Format::Csv => {
+                rows.extend(kernels.iter().flat_map(Row::of_aims));
+                return print(&Table::new(&rows)?.print(Format::Csv, &SETTINGS));
             }
+            Format::Text => {}
         }
-        for d in &self.verification.disagreements {
-            writeln!(
-                out,
-                "{}, {:?}: from {:?} along {:?} found {:?}, expected {:?} of {:?}",
+        let Placement { scale, translation } = self.placement;
+        let scene = incident::line(&self.scene);
+        let mut text = format!("scene {scene}, scaled by {scale:e}, moved by {translation:e}\n\n");
+        text += &Table::new(&rows)?.hiding(&[&["aimed_at"]]).print(Format::Text, &SETTINGS);
+        if let Some(first) = kernels.first() {
+            text += "\n";
+            text += &Table::new(&Row::of_aims(first).collect::<Vec<_>>())?.print(Format::Text, &SETTINGS);
+        }
+        for d in disagreements {
+            text += &format!(
+                "{}, {:?}: from {:?} along {:?} found {:?}, expected {:?} of {:?}\n",
                 d.kernel, d.fault, d.origin, d.direction, d.found, d.nearest, d.candidates
-            )?;
+            );
         }
-        Ok(())
+        print(&text)
     }
-}
-
-fn write_head(out: &mut fmt::Formatter<'_>, first: &str) -> fmt::Result {
-    write!(out, "{first:<12}")?;
-    for column in ["rays", "hits", "agreeing", "lost", "false", "other", "self-hits", "differing", "depth error"] {
-        write!(out, "{column:>12}")?;
-    }
-    writeln!(out)
-}
-
-fn write_row(out: &mut fmt::Formatter<'_>, name: &str, c: &Outcomes) -> fmt::Result {
-    write!(out, "{name:<12}")?;
-    for count in [c.rays, c.hits, c.agreeing, c.lost, c.false_hits, c.other_primitive, c.self_hits, c.differing] {
-        write!(out, "{count:>12}")?;
-    }
-    writeln!(out, "{:>12.2e}", c.worst_depth_error)
 }

@@ -1,6 +1,5 @@
 //! `marti verify --watertight`
 
-use std::fmt;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{self, available_parallelism};
@@ -8,7 +7,9 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use super::table::{Format, Table};
 use super::{Failure, json, print};
+use crate::study::page::table::grouped;
 use ground::outlet;
 use ground::processor_time;
 use trace::oracle::{ClosedMesh, Kernel, KernelTracer, Subject};
@@ -25,13 +26,10 @@ const TOLD: usize = 8;
 /// Between two lines on standard error.
 const LINE_PERIOD: Duration = Duration::from_secs(10);
 
-pub(super) fn verify(rays: u64, seed: u64, octree: Octree, as_json: bool) -> Result<(), Failure> {
-    let report = shoot(rays, seed, octree)?;
-    if as_json {
-        print(&json(&report)?)?;
-    } else {
-        print(&report.to_string())?;
-    }
+/// Prints in a format, or neither progress nor a result.
+pub(super) fn verify(rays: u64, seed: u64, octree: Octree, format: Option<Format>) -> Result<(), Failure> {
+    let report = shoot(rays, seed, octree, format.is_none())?;
+    format.map_or(Ok(()), |format| report.print(format))?;
     let escapes: u64 = report.kernels.iter().map(|kernel| kernel.escapes).sum();
     if escapes == 0 { Ok(()) } else { Err(Failure::failed(format!("{escapes} rays escaped"))) }
 }
@@ -65,7 +63,7 @@ struct Escape {
 }
 
 /// Shoots `rays` rays, dealt out to the kernels, on as many threads as there are processors.
-fn shoot(rays: u64, seed: u64, octree: Octree) -> Result<Report, Failure> {
+fn shoot(rays: u64, seed: u64, octree: Octree, quiet: bool) -> Result<Report, Failure> {
     let meshes = ClosedMesh::all();
     let parameters = BuildParameters::from(octree);
     let mut databases = Vec::new();
@@ -85,7 +83,7 @@ fn shoot(rays: u64, seed: u64, octree: Octree) -> Result<Report, Failure> {
         escapes: Vec::new(),
     });
     let next = AtomicU64::new(0);
-    let progress = Mutex::new(Progress { start: Instant::now(), next_line: LINE_PERIOD, done: 0 });
+    let progress = Mutex::new(Progress { quiet, start: Instant::now(), next_line: LINE_PERIOD, done: 0 });
     let worker = || {
         let mut tracers: Vec<Vec<KernelTracer<'_>>> = subjects.iter().map(Subject::tracers).collect();
         loop {
@@ -147,6 +145,7 @@ fn escaped(tracer: &mut KernelTracer<'_>, rays: &[Ray], any: bool) -> (Vec<Ray>,
 }
 
 struct Progress {
+    quiet: bool,
     start: Instant,
     next_line: Duration,
     /// Rays that were traced.
@@ -157,7 +156,7 @@ impl Progress {
     fn add(&mut self, count: u64, of: u64) {
         self.done += count;
         let elapsed = self.start.elapsed();
-        if elapsed < self.next_line {
+        if self.quiet || elapsed < self.next_line {
             return;
         }
         self.next_line += LINE_PERIOD;
@@ -168,25 +167,37 @@ impl Progress {
     }
 }
 
-impl fmt::Display for Report {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(out, "meshes    {}; {} threads, seed {}", self.meshes.join(", "), self.threads, self.seed)?;
-        writeln!(
-            out,
-            "{:<12}{:>14}{:>10}{:>20}{:>22}",
-            "kernel", "rays", "escapes", "processor seconds", "million rays/s"
-        )?;
-        for Tally { kernel, rays, escapes, seconds } in &self.kernels {
-            let speed = *rays as f64 * 1e-6 / seconds.max(1e-9);
-            let kernel = kernel.to_string();
-            writeln!(out, "{kernel:<12}{rays:>14}{escapes:>10}{seconds:>20.1}{speed:>22.2}")?;
+/// A tally as a line of a table.
+#[derive(Serialize)]
+struct Row {
+    #[serde(flatten)]
+    tally: Tally,
+    million_rays_per_second: f64,
+}
+
+impl Row {
+    fn new(tally: &Tally) -> Self {
+        Self { tally: *tally, million_rays_per_second: tally.rays as f64 * 1e-6 / tally.seconds.max(1e-9) }
+    }
+}
+
+impl Report {
+    fn print(&self, format: Format) -> Result<(), Failure> {
+        let rows: Vec<Row> = self.kernels.iter().map(Row::new).collect();
+        let table = || Table::new(&rows).map(|table| table.print(format, &["kernel"]));
+        match format {
+            Format::Json => return print(&json(self)?),
+            Format::Csv => return print(&table()?),
+            Format::Text => {}
         }
+        let mut text = format!("meshes {}\nthreads {}, seed {}\n\n", self.meshes.join(", "), self.threads, self.seed);
+        text += &table()?;
         let (rays, escapes): (u64, u64) =
             self.kernels.iter().fold((0, 0), |sum, kernel| (sum.0 + kernel.rays, sum.1 + kernel.escapes));
-        writeln!(out, "{:<12}{rays:>14}{escapes:>10}", "all")?;
+        text += &format!("\n{} rays, {} escapes\n", grouped(rays), grouped(escapes));
         for Escape { kernel, mesh, origin, direction } in &self.escapes {
-            writeln!(out, "{kernel}, {mesh}: from {origin:?} along {direction:?}")?;
+            text += &format!("{kernel}, {mesh}: from {origin:?} along {direction:?}\n");
         }
-        Ok(())
+        print(&text)
     }
 }

@@ -32,8 +32,8 @@ impl Kernel {
 impl fmt::Display for Kernel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Hero => f.write_str("hero"),
-            Self::Wide(simd) => write!(f, "wide {simd}"),
+            Self::Hero => f.write_str("single"),
+            Self::Wide(simd) => write!(f, "packets {simd}"),
         }
     }
 }

@@ -3,13 +3,14 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SourceError;
 
 /// Something of a file that does not change the geometry: it is repaired or left out, and the scene is rendered.
 /// Prints as `FILE:LINE:COL: what (and N more)`.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Warning {
     /// `None` for what is about the scene as a whole.
     #[serde(skip_serializing_if = "Option::is_none", default)]

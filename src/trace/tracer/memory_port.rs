@@ -1,11 +1,12 @@
 //! The hinge of the program: the only way that traversal and shading read the database.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::database::records::{Cone, LeafEntry, Material, Normals, OctreeWord, Polygon, Sphere, Surface, Triangle};
 
 /// What a ray is cast for. Memory traffic is counted by it.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
 pub enum RayKind {

@@ -1,5 +1,6 @@
 //! How large a local memory is, and how it is divided.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::hardware::specification;
@@ -25,7 +26,7 @@ pub struct Geometry {
 }
 
 /// One node's local memory, as it was made of what was asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct MemoryShape {
     /// For which it has room, in whole sets.
     pub local_bytes: u64,

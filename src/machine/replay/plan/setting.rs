@@ -21,7 +21,7 @@ pub enum Policy {
     Random,
     Srrip,
     Sieve,
-    #[value(name = "s3-fifo")]
+    #[value(name = "s3-fifo", alias = "s3_fifo")]
     #[serde(rename = "s3-fifo")]
     S3Fifo,
     Plru,
@@ -77,6 +77,7 @@ pub enum Assignment {
     /// The one that had it.
     Recorded,
     /// The one that asks first, in simulated cycles.
+    #[value(alias = "on_demand")]
     OnDemand,
     /// The i-th tile goes to node i mod nodes.
     Interleaved,

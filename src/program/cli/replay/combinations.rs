@@ -150,7 +150,7 @@ const TIMES: &str = "+.1.....1.";
 /// How a trace is read.
 const INPUT: &str = "11........";
 
-const RULES: [Rule; 37] = [
+const RULES: [Rule; 38] = [
     rule("local-memory", MEMORY, "rot"),
     rule("line", "++111.1.1.", "rt"),
     rule("ways", MEMORY, "rt"),
@@ -184,8 +184,9 @@ const RULES: [Rule; 37] = [
     rule("write-policy", "1.........", "t"),
     rule("write-allocate", "1.........", "t"),
     rule("format", "1111.....1", "rot"),
-    rule("output", "....11111.", "r"),
+    rule("out", "....11111.", "r"),
     rule("partial", "1111111111", "r"),
+    rule("quiet", "1.1.......", "rto"),
     rule("token", ".........1", "r"),
     rule("pace", ".........1", "r"),
 ];
@@ -344,7 +345,7 @@ mod tests {
             ("marti replay o --heat-map octree -o a.png --replacement fifo", "--replacement"),
             ("marti replay o --export csv -o a.csv --line 64", "--line"),
             ("marti replay o --export din -o a.din --format json", "--format"),
-            ("marti replay o -o a.csv", "--output"),
+            ("marti replay o -o a.csv", "--out"),
             ("marti replay o --pace fastest", "--pace"),
         ] {
             let arguments = Arguments::try_parse_from(line.split(' ')).unwrap_or_else(|error| panic!("{error}"));

@@ -11,12 +11,17 @@ use machine::replay::stream::subject::Subject;
 /// Numbers of nodes where none are asked for.
 pub(super) const NODES: [u16; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
 
-pub(super) fn print_contention<S: Subject>(subject: &S, settings: &[Setting], format: Format) -> Result<(), Failure> {
+pub(super) fn print_contention<S: Subject>(
+    subject: &S,
+    settings: &[Setting],
+    format: Format,
+    quiet: bool,
+) -> Result<(), Failure> {
     let [first, rest @ ..] = settings else { return Ok(()) };
     if rest.iter().any(|other| Setting { nodes: first.nodes, assignment: first.assignment, ..*other } != *first) {
         return Err(Failure::bad_input("--contention takes a list of --nodes and one value of everything else"));
     }
-    let parts = Parts::new("numbers of nodes");
+    let parts = Parts::new(quiet, "numbers of nodes");
     let table = contention_table(subject, settings, |all| parts.done(all))
         .map_err(|error| Failure::bad_input(error.to_string()))?;
     parts.clear();

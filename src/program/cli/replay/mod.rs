@@ -54,11 +54,14 @@ pub struct ReplayArguments {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// The file for what is exported or drawn
-    #[arg(long, short, value_name = "FILE")]
-    output: Option<PathBuf>,
+    #[arg(long, short, alias = "output", value_name = "FILE")]
+    out: Option<PathBuf>,
     /// Replay what is whole of a damaged recording
     #[arg(long)]
     partial: bool,
+    /// Print no progress
+    #[arg(long, short)]
+    quiet: bool,
 }
 
 /// What is to be answered; without any, a table of counts.
@@ -84,10 +87,10 @@ struct Asked {
     #[arg(long, group = "mode")]
     origins: bool,
     /// Draw a picture of the image's pixels
-    #[arg(long, value_name = "WHAT", value_enum, group = "mode", requires = "output")]
+    #[arg(long, value_name = "WHAT", value_enum, group = "mode", requires = "out")]
     heat_map: Option<HeatMap>,
     /// Write the references, or the simulated bus, for other tools
-    #[arg(long, value_name = "FORMAT", value_enum, group = "mode", requires = "output")]
+    #[arg(long, value_name = "FORMAT", value_enum, group = "mode", requires = "out")]
     export: Option<Export>,
     /// The node whose references are exported
     #[arg(long, value_name = "N")]
@@ -112,11 +115,10 @@ impl Asked {
 impl ReplayArguments {
     /// An output is of a question that writes one, and no file of the recording.
     fn check_output(&self) -> Result<(), Failure> {
-        let Some(output) = &self.output else { return Ok(()) };
+        let Some(output) = &self.out else { return Ok(()) };
         let is_png = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
         if self.asked.heat_map.is_some() && !is_png {
-            let what =
-                format!("--output {}: a heat map is a picture, expected a name ending in .png", output.display());
+            let what = format!("--out {}: a heat map is a picture, expected a name ending in .png", output.display());
             return Err(Failure::bad_input(what));
         }
         output_path::check(output)?;
@@ -128,7 +130,7 @@ impl ReplayArguments {
                 .flat_map(|files| files.flatten().map(|file| file.path()))
                 .collect(),
         };
-        output_path::check_apart(&[("--output", output)], &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+        output_path::check_apart(&[("--out", output)], &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 }
 
@@ -157,7 +159,7 @@ fn replay_recording(arguments: &ReplayArguments, question: Question) -> Result<(
     let settings = grid.settings(recorded).map_err(Failure::bad_input)?;
     check_lines(&settings)?;
     let (Asked { heat_map, export, node, .. }, format) = (&arguments.asked, arguments.format);
-    match (question, heat_map, export, &arguments.output) {
+    match (question, heat_map, export, &arguments.out) {
         (Question::Origins, ..) => origins::print_origins(&recording, &settings, format)?,
         (_, Some(what), _, Some(out)) => origins::draw(&recording, &settings, *what, out)?,
         (.., Some(export), Some(out)) => export::export(&recording, &settings, *export, *node, out)?,
@@ -179,7 +181,7 @@ fn replay_trace(arguments: &ReplayArguments) -> Result<(), Failure> {
     match imported.is_of_objects() {
         true if !arguments.import.ignores_object_sizes() => {
             arguments.given.check(arguments.asked.question(&arguments.to_bus), Subject::Objects)?;
-            objects::print_objects(&imported, &settings, arguments.format)
+            objects::print_objects(&imported, &settings, arguments.format, arguments.quiet)
         }
         true => arguments.print(&imported, &settings, None, &[&OF_LINES, &OF_RECORDINGS, &TIMES]),
         false => arguments.print(&imported, &settings, None, &[&OF_RECORDINGS, &TIMES]),
@@ -200,12 +202,12 @@ impl ReplayArguments {
             return curve::print_curves(subject, settings, self.format, verify, damage.is_some(), hidden);
         }
         if contention {
-            contention::print_contention(subject, settings, self.format)?;
+            contention::print_contention(subject, settings, self.format, self.quiet)?;
             return print_approximate(damage.as_deref(), self.format);
         }
         let writing = self.import.writing();
         let evaluation = Evaluation { timings: timings || self.grid.varies_times(), classes, damage, writing };
-        let parts = Parts::new("nodes");
+        let parts = Parts::new(self.quiet, "nodes");
         let rows = evaluate(subject, settings, &evaluation, |all| parts.done(all));
         parts.clear();
         let rows = rows.map_err(|error| Failure::bad_input(error.to_string()))?;
@@ -218,12 +220,17 @@ pub(super) fn are_timed(rows: &[Row]) -> bool {
     rows.iter().any(|row| row.cycles.is_some())
 }
 
-fn print_rows(rows: &[Row], format: Format, hidden: Hidden) -> Result<(), Failure> {
+/// Why rows are approximate, each reason once.
+pub(super) fn reasons(rows: &[Row]) -> Vec<&str> {
     let mut reasons: Vec<&str> = rows.iter().filter_map(|row| row.reason.as_deref()).collect();
     reasons.sort_unstable();
     reasons.dedup();
+    reasons
+}
+
+fn print_rows(rows: &[Row], format: Format, hidden: Hidden) -> Result<(), Failure> {
     print(&Table::new(rows)?.hiding(hidden).print(format, &SETTINGS))?;
-    reasons.into_iter().try_for_each(|reason| print_approximate(Some(reason), format))
+    reasons(rows).into_iter().try_for_each(|reason| print_approximate(Some(reason), format))
 }
 
 /// Below what is printed for people; for programs it is a column, or a warning on standard error.

@@ -31,7 +31,12 @@ struct Row {
 /// Columns that are the same in all rows as a rule.
 const SETTINGS: [&str; 5] = ["local_memory", "replacement", "local_bytes", "objects", "objects_bytes"];
 
-pub(super) fn print_objects(imported: &Imported, settings: &[Setting], format: Format) -> Result<(), Failure> {
+pub(super) fn print_objects(
+    imported: &Imported,
+    settings: &[Setting],
+    format: Format,
+    quiet: bool,
+) -> Result<(), Failure> {
     let objects_bytes = u64::try_from(imported.objects_bytes().unwrap_or_default()).unwrap_or(u64::MAX);
     let capacity = |size| match size {
         MemorySize::All => objects_bytes,
@@ -40,7 +45,7 @@ pub(super) fn print_objects(imported: &Imported, settings: &[Setting], format: F
         }
         MemorySize::Bytes(bytes) => bytes,
     };
-    let parts = Parts::new("caches");
+    let parts = Parts::new(quiet, "caches");
     let rows = parallel::map(settings, |setting| {
         let local_bytes = capacity(setting.local_memory);
         let (policy, objects) = (setting.replacement, imported.objects());

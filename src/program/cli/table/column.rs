@@ -13,10 +13,11 @@ enum Shown {
     /// A ratio as a percentage with so many decimals.
     Percent(usize),
     Decimal(usize),
+    Scientific,
 }
 
 /// The columns that are not shown under their own names, or not plainly.
-const COLUMNS: [(&str, &str, Shown); 33] = [
+const COLUMNS: [(&str, &str, Shown); 38] = [
     ("line", "line, bytes", Shown::Plain),
     ("local_bytes", "local memory, bytes", Shown::Plain),
     ("bus_width", "bus width, bytes", Shown::Plain),
@@ -47,6 +48,11 @@ const COLUMNS: [(&str, &str, Shown); 33] = [
     ("saturation", "saturation, nodes", Shown::Decimal(2)),
     ("cycles", "cycles", Shown::Plain),
     ("writes_per_write_back", "writes per write-back", Shown::Decimal(3)),
+    ("worst_depth_error", "worst relative depth error", Shown::Scientific),
+    ("seconds", "processor time, s", Shown::Decimal(1)),
+    ("million_rays_per_second", "million rays/s", Shown::Decimal(2)),
+    ("false", "false hits", Shown::Plain),
+    ("aimed_at", "aimed at", Shown::Plain),
     ("exact", "counts", Shown::Plain),
     ("by", "by", Shown::Plain),
     ("name", "name", Shown::Plain),
@@ -80,6 +86,7 @@ pub(super) fn cell(column: &str, value: &Value) -> String {
         (Value::String(text), ..) => text.clone(),
         (_, Some(ratio), Shown::Percent(decimals)) => format!("{:.decimals$}", 100.0 * ratio),
         (_, Some(number), Shown::Decimal(decimals)) => format!("{number:.decimals$}"),
+        (_, Some(number), Shown::Scientific) => format!("{number:.1e}"),
         (Value::Number(number), Some(value), Shown::Plain) => match number.as_u64() {
             Some(count) => grouped(count),
             None if number.is_f64() => format!("{value:.DECIMALS$}"),
@@ -118,6 +125,13 @@ mod tests {
             ),
             ("line", json!(64), "line, bytes", "64", "line 64 bytes"),
             ("ways", json!(null), "ways", "full", "ways full"),
+            (
+                "worst_depth_error",
+                json!(1.27e-7),
+                "worst relative depth error",
+                "1.3e-7",
+                "worst relative depth error 1.3e-7",
+            ),
             ("wait_mean", json!(0), "mean wait, cycles", "0.00", "mean wait 0.00 cycles"),
             ("conflict_misses", json!(-3), "conflict misses", "-3", "conflict misses -3"),
             ("exact", json!(false), "counts", "approximate", "counts approximate"),

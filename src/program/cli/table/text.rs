@@ -40,13 +40,15 @@ impl Table {
     /// last column is its ratio to that of the first row.
     pub(super) fn text(&self, settings: &[&str], baseline: &[&str]) -> String {
         let Some(first) = self.rows.first() else { return String::new() };
+        let varies = |i: usize| self.rows.iter().any(|row| row[i] != first[i]);
+        // Rows that are the same in everything are a table nevertheless.
+        let any_varies = (0..self.columns.len()).any(|i| !settings.contains(&self.columns[i].as_str()) && varies(i));
         let (mut same, mut names, mut values) = (Vec::new(), Vec::new(), Vec::new());
         for (i, column) in self.columns.iter().enumerate() {
             let is_setting = settings.contains(&column.as_str());
-            let varies = self.rows.iter().any(|row| row[i] != first[i]);
             let is_filled = self.rows.iter().any(|row| !row[i].is_null());
             if self.is_hidden(column) || column == "reason" || (!is_setting && !is_filled) {
-            } else if varies {
+            } else if varies(i) || (!is_setting && !any_varies) {
                 let cells = self.rows.iter().map(|row| cell(column, &row[i])).collect();
                 let column = Column::new(&head(column), cells);
                 if is_setting { names.push(column) } else { values.push(column) }

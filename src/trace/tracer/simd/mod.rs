@@ -8,10 +8,11 @@ use std::fmt;
 use std::str::FromStr;
 
 use lanes::{Doubles, Pair, Singles};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A set of vector instructions, from the least to the most.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Simd {
     /// None: plain code, on every processor.
