@@ -27,7 +27,7 @@ fn a_reader_that_leaves_early_is_no_failure() {
 
 #[test]
 fn a_slip_of_the_keyboard_is_understood() {
-    for (typed, meant) in [("rn", "'run'"), ("chekc", "'check'")] {
+    for (typed, meant) in [("rn", "'run'"), ("chek", "'check'")] {
         let output = run(&[typed, "x.toml"]);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{said}");

@@ -3,13 +3,14 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::iter;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
 use serde::Deserialize;
 
-const DOCUMENTS: [&str; 2] = ["README.md", "docs/command-line.md"];
+const DOCUMENTS: [&str; 3] = ["README.md", "docs/command-line.md", "docs/topology.md"];
 const PROGRAMS: [&str; 3] = ["marti ", "cargo ", "("];
 /// What of a command has been done when the tests run.
 const BUILT: &str = "cargo build --release && ./target/release/";
@@ -52,13 +53,24 @@ fn blocks(document: &str) -> Vec<Block> {
         }
         is_within = line.starts_with("    ");
     }
-    blocks.into_iter().map(|lines| block(lines.join("\n").trim_end())).collect()
+    blocks.into_iter().flat_map(|lines| parts(lines.join("\n").trim_end())).collect()
+}
+
+/// Commands end with the first empty line: what is indented after it is what the last of them prints, or more commands.
+fn parts(text: &str) -> Vec<Block> {
+    match text.split_once("\n\n") {
+        Some((first, rest)) if is_command(first) => iter::once(block(first)).chain(parts(rest)).collect(),
+        _ => vec![block(text)],
+    }
+}
+
+fn is_command(text: &str) -> bool {
+    PROGRAMS.iter().any(|program| text.starts_with(program))
 }
 
 fn block(text: &str) -> Block {
-    let lines: Vec<&str> = text.lines().collect();
-    if !PROGRAMS.iter().any(|program| lines[0].starts_with(program)) {
-        return Block::Output(lines.into_iter().map(str::to_owned).collect());
+    if !is_command(text) {
+        return Block::Output(text.lines().map(str::to_owned).collect());
     }
     let commands = text.replace("\\\n", " ");
     let without_comment = |line: &str| line.split("   # ").next().unwrap_or(line).trim().replace(BUILT, "");

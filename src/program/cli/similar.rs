@@ -40,7 +40,7 @@ mod tests {
         for (typed, expected) in [
             ("rn", &["run"][..]),
             ("rednder", &["render"]),
-            ("chekc", &["check"]),
+            ("chek", &["check"]),
             ("replya", &["replay"]),
             ("nod", &["node"]),
             ("walk", &[]),

@@ -186,7 +186,7 @@ const RULES: [Rule; 38] = [
     rule("format", "1111.....1", "rot"),
     rule("out", "....11111.", "r"),
     rule("partial", "1111111111", "r"),
-    rule("quiet", "1.1.......", "rto"),
+    rule("quiet", "1.1.......", "rot"),
     rule("token", ".........1", "r"),
     rule("pace", ".........1", "r"),
 ];
