@@ -10,6 +10,7 @@ pub mod keys;
 mod lists;
 pub mod options;
 mod output_path;
+mod provenance;
 pub mod render;
 pub mod replay;
 pub mod run;
