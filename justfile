@@ -38,6 +38,10 @@ engines:
 importers models="/usr/share/assimp/models" pybullet="target/pybullet":
     python3 tests/importers/compare.py target/release/marti "{{ models }}" "{{ pybullet }}"
 
+# The pages of both studies in Chromium, by mouse and keyboard: needs Debian's chromium, and playwright of PyPI.
+browser screenshots="target/browser":
+    python3 tests/browser/pages.py target/release/marti "{{ screenshots }}"
+
 # Every decoder against a fuzzer for ten minutes each: docs/fuzzing.md.
 fuzz:
     fuzz/run

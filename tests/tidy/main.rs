@@ -197,7 +197,6 @@ fn each_foreign_thing_has_its_place() {
     );
     forbid("src", &["rcgen"], &["src/cluster/keys"], "certificates are made in one folder");
     forbid("src", &["toml"], &["src/cluster/topology"], "only topologies are TOML");
-    forbid("src", &["plotters"], &["src/program/study/page/plot.rs"], "charts are drawn in one file");
     forbid("src", &[".mul_add"], &[], "a fused multiply-add gives other bits on other hosts");
 }
 

@@ -13,6 +13,7 @@ pub mod keys;
 mod lists;
 pub mod options;
 mod output_path;
+mod provenance;
 pub mod render;
 pub mod replay;
 mod report;

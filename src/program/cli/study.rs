@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::grid_options::{GridOptions, SETTINGS, TIMES};
 use super::replay::{are_timed, reasons};
 use super::table::{Format, Table};
-use super::{Failure, json, output_path, print, subject};
+use super::{Failure, json, output_path, print, provenance, subject};
 use crate::study::page::Page;
 use crate::study::paper::{self, Paper};
 use crate::study::sweep::{self, Sweep};
@@ -67,13 +67,16 @@ struct StudyOutput {
     /// What is printed
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
-    /// Folder that also gets study.html, with plots, and study.json
+    /// Folder that also gets study.html, with charts, study.csv and study.json
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print no progress
     #[arg(long, short)]
     quiet: bool,
 }
+
+/// What the folder gets. The page names the other two.
+const FILES: [&str; 3] = ["study.json", "study.csv", "study.html"];
 
 pub(super) fn study(arguments: &StudyArguments) -> Result<(), Failure> {
     match &arguments.study {
@@ -92,7 +95,7 @@ fn study_paper(arguments: &PaperArguments) -> Result<(), Failure> {
     let found = Paper::study(|what| steps.begin(what));
     steps.clear();
     let paper = found.map_err(|error| Failure::failed(error.to_string()))?;
-    output.write(&paper, || paper::page(&paper))?;
+    output.write(&paper, || paper::csv(&paper), || paper::page(&paper))?;
     print(&match output.format {
         Format::Text => paper::text(&paper),
         Format::Json => json(&paper)?,
@@ -120,8 +123,8 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let topology = subject::topology(&arguments.topology, &arguments.set)?;
     output.make_folder()?;
     if let Some(folder) = &output.out {
-        let (json, html) = (folder.join("study.json"), folder.join("study.html"));
-        output_path::check_apart(&[("--out", &json), ("--out", &html)], &[&arguments.topology])?;
+        let files = FILES.map(|name| folder.join(name));
+        output_path::check_apart(&files.each_ref().map(|file| ("--out", file.as_path())), &[&arguments.topology])?;
     }
     let steps = Steps::new(output.quiet, sweep::STEPS);
     let found = Sweep::study(
@@ -136,7 +139,7 @@ fn study_sweep(arguments: &SweepArguments) -> Result<(), Failure> {
     let table = Table::new(&sweep.rows)?.hiding(if are_timed(&sweep.rows) { &[] } else { &[&TIMES] });
     let notes: String = reasons(&sweep.rows).iter().map(|reason| format!("\napproximate: {reason}\n")).collect();
     let text = || format!("{}\n{}{notes}", sweep.heading(), table.print(Format::Text, &SETTINGS));
-    output.write(&sweep, || sweep::page(&sweep, text()))?;
+    output.write(&sweep, || table.print(Format::Csv, &SETTINGS), || sweep::page(&sweep))?;
     print(&match output.format {
         Format::Text => text(),
         Format::Json => json(&sweep)?,
@@ -152,16 +155,20 @@ impl StudyOutput {
     }
 
     /// Into the folder, if there is to be one.
-    fn write(&self, study: &impl Serialize, page: impl FnOnce() -> Page) -> Result<(), Failure> {
+    fn write(
+        &self,
+        study: &impl Serialize,
+        csv: impl FnOnce() -> String,
+        page: impl FnOnce() -> Page,
+    ) -> Result<(), Failure> {
         let Some(folder) = &self.out else { return Ok(()) };
-        let failed = |error: io::Error| Failure::failed(error.to_string());
-        let json = json(study)?;
-        atomic_file::write(&folder.join("study.json"), |file| file.write_all(json.as_bytes())).map_err(failed)?;
-        let html = page().to_string();
-        let path = folder.join("study.html");
-        atomic_file::write(&path, |file| file.write_all(html.as_bytes())).map_err(failed)?;
+        let texts = [json(study)?, csv(), page().html(&provenance::here())];
+        for (name, text) in FILES.iter().zip(&texts) {
+            atomic_file::write(&folder.join(name), |file| file.write_all(text.as_bytes()))
+                .map_err(|error: io::Error| Failure::failed(error.to_string()))?;
+        }
         if !self.quiet {
-            outlet::say(format_args!("charts: {}", path.display()));
+            outlet::say(format_args!("charts: {}", folder.join("study.html").display()));
         }
         Ok(())
     }

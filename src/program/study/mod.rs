@@ -8,3 +8,4 @@ pub mod paper;
 pub mod published;
 pub mod runs;
 pub mod sweep;
+pub mod varied;

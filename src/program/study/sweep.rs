@@ -5,15 +5,16 @@ use serde::Serialize;
 use crate::study::figures::conditions::octree;
 use crate::study::figures::levels::{self, Level};
 use crate::study::figures::traffic::{Traffic, TrafficError};
-use crate::study::page::charts::{self, curve, most, shares};
-use crate::study::page::plot::{Axis, Chart, Series, Style};
-use crate::study::page::{Figure, Page};
+use crate::study::page::charts::{self, most};
+use crate::study::page::plot::{Axis, Chart, Style};
+use crate::study::page::{Figure, Page, Section};
 use crate::study::runs::traced::{Run, Traced, TracedError};
+use crate::study::varied::Varied;
 use cluster::topology::Topology;
 use machine::hardware::stats::octree_class;
 use machine::replay::model::evaluation::{Evaluation, Row, evaluate};
 use machine::replay::plan::grid::Grid;
-use machine::replay::plan::setting::{Assignment, Policy, Setting};
+use machine::replay::plan::setting::{Assignment, Setting};
 use machine::replay::{Trace, TraceError, parallel};
 use machine::tile_order;
 use trace::database::RecordLayout;
@@ -27,8 +28,6 @@ use trace::tracer::octree::census::Census;
 
 /// How it is printed: raised with every change of meaning.
 pub const FORMAT: &str = "marti study sweep 1";
-/// More curves in one chart cannot be distinguished.
-const CURVES_MAX: usize = 7;
 
 /// All that is found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -165,80 +164,41 @@ fn curves<T: Trace>(traced: &Traced<T>, settings: &[Setting]) -> Result<Vec<Traf
     parallel::map(&clusters, traffic).into_iter().collect()
 }
 
-/// Charts, then the table, which is `text`.
-pub fn page(sweep: &Sweep, text: String) -> Page {
-    let mut figures = vec![bytes(sweep), misses(sweep)];
-    figures.extend(efficiency(sweep));
+/// Charts of what was varied, then the table.
+pub fn page(sweep: &Sweep) -> Page {
+    let varied = Varied::new(&sweep.rows, sweep.database_bytes);
+    let mut figures = varied.figures();
     figures.push(by_level(sweep));
-    Page { title: format!("Sweep of {}", sweep.topology), introduction: sweep.heading(), figures, text }
-}
-
-/// What is below a chart of curves.
-fn caption(sweep: &Sweep) -> String {
-    let left_out = sweep.traffic.len().saturating_sub(CURVES_MAX);
-    let left_out = if left_out == 0 { String::new() } else { format!(" {left_out} more are in study.json.") };
-    format!("{}, {}; LRU, fully associative; tiles interleaved.{left_out}", sweep.scene, octree(sweep.octree))
-}
-
-fn by_size(sweep: &Sweep, of: impl Fn(&Traffic, u64, u64) -> f64) -> Vec<Series> {
-    let series = |traffic: &Traffic| Series {
-        name: format!("{} nodes, lines of {}", traffic.nodes, traffic.conditions.line_bytes),
-        points: curve(traffic, |point| of(traffic, point.misses, point.bus_bytes)),
-        style: Style::Line,
+    let approximate = if sweep.rows.iter().all(|row| row.exact) {
+        ""
+    } else {
+        " Approximate rows say why a live run need not count the same."
     };
-    sweep.traffic.iter().take(CURVES_MAX).map(series).collect()
-}
-
-fn bytes(sweep: &Sweep) -> Figure {
-    let series = by_size(sweep, |_, _, bytes| bytes as f64 * 1e-6);
-    let (x, y) = (shares(), Axis::from_zero("million bytes on the bus", most(&series)));
-    let chart = Chart { title: "Bytes on the bus by size of the local memory".to_owned(), x, y, series };
-    Figure { chart, caption: caption(sweep) }
-}
-
-fn misses(sweep: &Sweep) -> Figure {
-    let accesses = |traffic: &Traffic| traffic.sizes.first().map_or(1, |size| size.counts.record_accesses.max(1));
-    let series = by_size(sweep, |traffic, misses, _| misses as f64 / accesses(traffic) as f64);
-    let (x, y) = (shares(), Axis::from_zero("misses / record accesses", most(&series)));
-    let chart = Chart { title: "Misses by size of the local memory".to_owned(), x, y, series };
-    Figure { chart, caption: caption(sweep) }
-}
-
-/// By nodes, if the buses were simulated for several numbers of them: one line a combination of all else.
-fn efficiency(sweep: &Sweep) -> Option<Figure> {
-    let mut all: Vec<(Setting, Series)> = Vec::new();
-    for row in sweep.rows.iter().filter(|row| row.setting.clusters == 1) {
-        let at = (f64::from(row.setting.nodes), 100.0 * row.efficiency?);
-        let setting = Setting { nodes: 1, ..row.setting };
-        match all.iter_mut().find(|(other, _)| *other == setting) {
-            Some((_, series)) => series.points.push(at),
-            None => all.push((setting, Series { name: name(&setting), points: vec![at], style: Style::Marked })),
-        }
+    let table = Section {
+        heading: "Every combination".to_owned(),
+        introduction: format!(
+            "{}. A click on the head of a column sorts by it. Ratios are to row 1.{approximate}",
+            varied.constant()
+        ),
+        grid: varied.grid(),
+    };
+    Page {
+        title: format!("Sweep of {}", sweep.topology),
+        introduction: sweep.heading(),
+        figures,
+        last: vec![table],
+        ..Page::default()
     }
-    let mut series: Vec<Series> = all.into_iter().map(|(_, series)| series).take(CURVES_MAX).collect();
-    series.iter_mut().for_each(|series| series.points.sort_by(|a, b| a.0.total_cmp(&b.0)));
-    let last = sweep.rows.iter().map(|row| row.setting.nodes).max().filter(|&nodes| nodes > 1)?;
-    let (x, y) = (charts::node_axis(last), Axis::from_zero("per cent", 100.0));
-    let title = "Efficiency: share of compute in compute and waiting for the bus".to_owned();
-    let caption = "Simulated, in cycles of the topology's costs.".to_owned();
-    Some(Figure { chart: Chart { title, x, y, series }, caption })
-}
-
-fn name(setting: &Setting) -> String {
-    let Setting { local_memory, line, ways, replacement, bus, .. } = setting;
-    let ways = ways.map_or_else(String::new, |ways| format!(", {ways} ways"));
-    let policy = match replacement {
-        Policy::Lru => String::new(),
-        other => format!(", {other}"),
-    };
-    format!("memory {local_memory}, lines of {line}{ways}{policy}, bus of {}", bus.width)
 }
 
 fn by_level(sweep: &Sweep) -> Figure {
     let series = charts::levels(&sweep.levels, "", Style::Marked).to_vec();
     let (x, y) = (charts::level_axis(&series), Axis::from_zero("per cent", most(&series)));
     let chart = Chart { title: "Nodes and accesses by octree level".to_owned(), x, y, series };
-    Figure { chart, caption: format!("{}, {}; all rays.", sweep.scene, octree(sweep.octree)) }
+    Figure {
+        chart,
+        caption: format!("{}, {}; all rays. It does not depend on what was varied.", sweep.scene, octree(sweep.octree)),
+    }
 }
 
 #[cfg(test)]
@@ -274,9 +234,32 @@ mod tests {
             assert!(row.exact && row.efficiency.is_some());
         }
         assert_eq!(sweep.rays[RayKind::Primary as usize], 32 * 32);
-        let page = page(&sweep, "table".to_owned());
-        assert_eq!(page.figures.len(), 4);
-        assert_eq!(page.figures[2].chart.series.len(), 4, "a line a combination of memory and line");
+        let page = page(&sweep);
+        let charts: Vec<_> = page.figures.iter().map(|figure| figure.chart.title.as_str()).collect();
+        let by = "by local memory of one node";
+        let expected = [
+            format!("Misses {by}"),
+            format!("Cycles {by}"),
+            format!("Speed-up over the first row {by}"),
+            "Nodes and accesses by octree level".to_owned(),
+        ];
+        assert_eq!(charts, expected);
+        let misses = &page.figures[0].chart;
+        let mut names: Vec<_> = misses.series.iter().map(|series| series.name.as_str()).collect();
+        let named = |nodes, line| format!("nodes per cluster {nodes}, line {line} bytes");
+        names.sort_unstable();
+        assert_eq!(names, [named(1, 16), named(1, 64), named(3, 16), named(3, 64)]);
+        for (nodes, line) in [(1, 16), (1, 64), (3, 16), (3, 64)] {
+            let series = misses.series.iter().find(|series| series.name == named(nodes, line)).expect("a series");
+            let of = |row: &&Row| (row.setting.nodes, row.setting.line) == (nodes, line);
+            let values: Vec<f64> =
+                sweep.rows.iter().filter(of).map(|row| 100.0 * row.misses_per_record_access).collect();
+            let shown: Vec<f64> = series.points.iter().map(|point| point.1).collect();
+            assert_eq!(shown, values, "those of the table, from 1/8 to 1/2");
+        }
+        let grid = &page.last[0].grid;
+        assert_eq!((grid.rows.len(), grid.columns.len()), (8, 15));
+        assert!(grid.rows.iter().all(|row| row.len() == grid.columns.len()));
     }
 
     #[test]

@@ -1,11 +1,13 @@
-//! One HTML file with all in it: no scripts, nothing to fetch.
+//! One HTML file with all in it: nothing to fetch, readable without its script.
 
 pub mod charts;
+pub mod grid;
 pub mod plot;
 pub mod table;
 
 use std::fmt::{self, Display, Write};
 
+use crate::study::page::grid::Grid;
 use crate::study::page::plot::Chart;
 
 /// A chart, and what it was made with.
@@ -16,50 +18,123 @@ pub struct Figure {
     pub caption: String,
 }
 
-/// Figures, then the study as text.
+/// How a study can be repeated.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Provenance {
+    pub command: String,
+    pub version: String,
+    /// Of the study, in UTC.
+    pub date: String,
+    pub host: String,
+    pub processor: String,
+}
+
+/// A table and its heading.
 #[derive(Clone, Debug, PartialEq)]
+pub struct Section {
+    pub heading: String,
+    pub introduction: String,
+    pub grid: Grid,
+}
+
+/// Tables that come first, figures, tables that come last, then the study as text.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Page {
     pub title: String,
     pub introduction: String,
+    pub first: Vec<Section>,
     pub figures: Vec<Figure>,
+    pub last: Vec<Section>,
+    /// Words and what they mean.
+    pub definitions: Vec<(&'static str, String)>,
+    /// Empty where the tables have everything.
     pub text: String,
 }
 
-const STYLE: &str = "\
-body { font: 16px/1.5 sans-serif; color: #222; background: #fff; max-width: 1500px; margin: 2em auto; padding: 0 1em }
-.figures { display: flex; flex-wrap: wrap; gap: 1.5em }
-figure { margin: 0; width: 720px; max-width: 100% }
-figure svg { width: 100%; height: auto; border: 1px solid #ddd }
-figcaption { font-size: 14px; color: #444 }
-pre { font: 13px/1.35 monospace; overflow-x: auto; background: #fafafa; border: 1px solid #ddd; padding: 1em }";
+const STYLE: &str = include_str!("study.css");
+const SCRIPT: &str = include_str!("study.js");
 
-impl Display for Page {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Page {
+    /// The file.
+    pub fn html(&self, provenance: &Provenance) -> String {
+        let mut html = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut html, provenance);
+        html
+    }
+
+    fn write(&self, out: &mut String, provenance: &Provenance) -> fmt::Result {
         let title = Escaped(&self.title);
         writeln!(out, "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">")?;
         writeln!(out, "<meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}</title>")?;
-        writeln!(out, "<style>\n{STYLE}\n</style>\n</head>\n<body>\n<h1>{title}</h1>")?;
-        writeln!(out, "<p>{}</p>\n<div class=\"figures\">", Escaped(&self.introduction))?;
+        writeln!(out, "<style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>")?;
+        writeln!(out, "<p>{}</p>", Escaped(&self.introduction))?;
+        provenance.write(out)?;
+        writeln!(
+            out,
+            "<p>The numbers for programs: <a href=\"study.csv\">study.csv</a>, <a href=\"study.json\">study.json</a>.</p>"
+        )?;
+        self.first.iter().try_for_each(|section| section.write(out))?;
+        if !self.figures.is_empty() {
+            writeln!(
+                out,
+                "<h2>Charts</h2>\n<p>A point shows its values under the mouse. By keyboard: Tab enters a chart, the arrow keys left \
+                 and right follow a series, up and down change it. The entries of a legend switch series on and off.</p>"
+            )?;
+        }
+        writeln!(out, "<div class=\"figures\">")?;
         for Figure { chart, caption } in &self.figures {
-            writeln!(out, "<figure role=\"group\">\n{}", responsive(&chart.svg()))?;
+            writeln!(out, "<figure>\n{}", chart.svg())?;
             writeln!(out, "<figcaption>{}</figcaption>\n</figure>", Escaped(caption))?;
         }
-        writeln!(out, "</div>\n<h2>All figures</h2>\n<pre>{}</pre>\n</body>\n</html>", Escaped(&self.text))
+        writeln!(out, "</div>")?;
+        self.last.iter().try_for_each(|section| section.write(out))?;
+        if !self.definitions.is_empty() {
+            writeln!(out, "<h2>Words</h2>\n<dl>")?;
+            for (word, meaning) in &self.definitions {
+                writeln!(out, "<dt><b>{}</b></dt><dd>{}</dd>", Escaped(word), Escaped(meaning))?;
+            }
+            writeln!(out, "</dl>")?;
+        }
+        if !self.text.is_empty() {
+            writeln!(
+                out,
+                "<h2>As it is printed</h2>\n<div class=\"box\" tabindex=\"0\" role=\"region\" aria-label=\"As it is printed\">\
+                 <pre>{}</pre></div>",
+                Escaped(&self.text)
+            )?;
+        }
+        writeln!(out, "<div id=\"value\" role=\"status\" aria-live=\"polite\"></div>")?;
+        writeln!(out, "<script>\n{SCRIPT}</script>\n</body>\n</html>")
     }
 }
 
-/// Without its fixed size, so that it becomes as wide as there is room; its `viewBox` gives the proportions.
-fn responsive(svg: &str) -> String {
-    let (head, rest) = svg.split_once('>').unwrap_or((svg, ""));
-    let head: Vec<&str> = head
-        .split_inclusive(' ')
-        .filter(|attribute| !attribute.starts_with("width=") && !attribute.starts_with("height="))
-        .collect();
-    format!("{}>{rest}", head.concat())
+impl Provenance {
+    fn write(&self, out: &mut String) -> fmt::Result {
+        writeln!(out, "<dl class=\"about\">")?;
+        let Self { command, version, date, host, processor } = self;
+        writeln!(out, "<dt>command</dt><dd><code>{}</code></dd>", Escaped(command))?;
+        for (name, text) in [("version", version), ("date", date), ("host", host), ("processor", processor)] {
+            writeln!(out, "<dt>{name}</dt><dd>{}</dd>", Escaped(text))?;
+        }
+        writeln!(out, "</dl>")
+    }
 }
 
-/// Text as HTML shows it.
-struct Escaped<'a>(&'a str);
+impl Section {
+    fn write(&self, out: &mut String) -> fmt::Result {
+        let heading = Escaped(&self.heading);
+        writeln!(out, "<h2>{heading}</h2>\n<p>{}</p>", Escaped(&self.introduction))?;
+        writeln!(
+            out,
+            "<div class=\"box\" tabindex=\"0\" role=\"region\" aria-label=\"{heading}\">\n{}</div>",
+            self.grid
+        )
+    }
+}
+
+/// Text as HTML shows it, also between quotes.
+pub(super) struct Escaped<'a>(pub(super) &'a str);
 
 impl Display for Escaped<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -67,6 +142,7 @@ impl Display for Escaped<'_> {
             '&' => out.write_str("&amp;"),
             '<' => out.write_str("&lt;"),
             '>' => out.write_str("&gt;"),
+            '"' => out.write_str("&quot;"),
             c => out.write_char(c),
         })
     }
@@ -75,10 +151,11 @@ impl Display for Escaped<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::page::grid::Cell;
     use crate::study::page::plot::{Axis, Series, Style};
 
     #[test]
-    fn a_page_is_whole_in_itself_and_escapes_what_it_is_told() {
+    fn a_page_is_whole_in_itself_and_escapes_its_texts() {
         let axis = |label| Axis::from_zero(label, 3.0);
         let series = |name: &str, style| Series { name: name.to_owned(), points: vec![(0.5, 1.0), (2.0, 3.0)], style };
         let styles = [Style::Line, Style::Marked, Style::Dashed, Style::Published];
@@ -88,18 +165,33 @@ mod tests {
             y: axis("y"),
             series: styles.map(|style| series("4 & 9", style)).to_vec(),
         };
+        let grid = Grid { columns: vec!["<c>".to_owned()], rows: vec![vec![Cell::words("\"q\"")]] };
         let page = Page {
             title: "T<1>".to_owned(),
-            introduction: "<script>".to_owned(),
+            introduction: "<img>".to_owned(),
             figures: vec![Figure { chart, caption: "p & q".to_owned() }],
+            last: vec![Section { heading: "S".to_owned(), introduction: String::new(), grid }],
             text: "1 > 0".to_owned(),
+            ..Page::default()
         };
-        let html = page.to_string();
-        for expected in ["T&lt;1&gt;", "p &amp; q", "1 &gt; 0", "a &lt; b", "4 &amp; 9", "<polyline", "</svg>"] {
+        let html = page.html(&Provenance { command: "marti '<x>'".to_owned(), ..Provenance::default() });
+        for expected in [
+            "T&lt;1&gt;",
+            "p &amp; q",
+            "1 &gt; 0",
+            "a &lt; b",
+            "4 &amp; 9",
+            "<polyline",
+            "'&lt;x&gt;'",
+            "&lt;c&gt;",
+            "&quot;q&quot;",
+        ] {
             assert!(html.contains(expected), "{expected}: {html}");
         }
-        for never in ["<script", "href=", "src=", "@import", "url("] {
+        for never in ["<img", " src=", "@import", "url(", "https:"] {
             assert!(!html.contains(never), "{never}");
         }
+        let links: Vec<_> = html.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        assert_eq!(links, ["study.csv", "study.json"]);
     }
 }

@@ -1,6 +1,6 @@
 //! The study as charts.
 
-use super::{GEARS, LINE, Paper, PaperScene, TEAPOT, Unit};
+use super::{GEARS, LINE, Paper, PaperScene, TEAPOT, Unit, verdicts};
 use crate::study::figures::conditions::octree;
 use crate::study::figures::traffic::Traffic;
 use crate::study::page::charts::{self, curve, most, shares};
@@ -20,13 +20,33 @@ pub fn page(paper: &Paper) -> Page {
     Page {
         title: "The 1991 paper's figures beside marti's".to_owned(),
         introduction: "M-P. Hébert, M. D. J. McNeill, B. Shah, R. L. Grimsdale, P. F. Lister: MARTI, a Multiprocessor \
-                       Architecture for Ray Tracing Images, 1991. Lines are what this program finds; black crosses are \
+                       Architecture for Ray Tracing Images, 1991. Lines are what this program finds; crosses are \
                        what the paper publishes as numbers. Where it leaves a setting open, several are shown, and \
                        how they were chosen is stated."
             .to_owned(),
+        first: vec![verdicts::section(paper)],
         figures,
+        last: Vec::new(),
+        definitions: definitions(),
         text: super::text(paper),
     }
+}
+
+/// Words of the charts and tables.
+fn definitions() -> Vec<(&'static str, String)> {
+    [
+        ("p", "Shared memory accesses over local memory accesses: here, misses per record access of a local memory. The paper's bound \
+               on the number of nodes is 1/p."),
+        ("N*", "(Z + S) / S, where Z is the mean time that a node computes between two transactions, and S the mean time that \
+                a transaction holds the bus: the number of nodes from which on the bus, and not the nodes, limits the speed."),
+        ("fixed", "What queueing theory expects of a closed network with the means of the simulation, if every transaction holds the \
+                   bus for the same time (M/D/1//N)."),
+        ("exponential", "The same if these times are distributed exponentially (mean value analysis)."),
+        ("efficiency", "The time in which nodes compute, of the time in which they compute or wait for the bus."),
+        ("1/32", "A local memory of this share of the database's bytes, for each node."),
+    ]
+    .map(|(word, meaning)| (word, meaning.to_owned()))
+    .to_vec()
 }
 
 /// The octree that comes near to Figure 1.
@@ -123,8 +143,7 @@ fn table1(paper: &Paper, scene: usize) -> Figure {
         chart: Chart {
             title: format!("Table 1: shared / local memory accesses, {}", of.scene.kind),
             x: shares(),
-            // The legend is above.
-            y: Axis::from_zero("misses / accesses", 1.4 * most(&series)),
+            y: Axis::from_zero("misses / accesses", most(&series)),
             series,
         },
         caption: format!(

@@ -10,6 +10,7 @@ mod rows;
 pub mod search;
 mod setting;
 mod text;
+mod verdicts;
 mod whole_objects;
 
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Figure1, Found, GEARS, LINE, Paper, PaperScene, Search, TEAPOT, Unit};
+use super::{Figure1, Found, GEARS, LINE, Paper, PaperScene, Search, TEAPOT, Unit, verdicts};
 use crate::study::figures::conditions::octree;
 use crate::study::figures::contention::{Contention, SMALLEST};
 use crate::study::figures::levels::{FLOPS_PER_TEST, FLOPS_PER_VISIT};
@@ -30,7 +30,7 @@ fn write(out: &mut String, paper: &Paper) -> std::fmt::Result {
         paper.tiling.tile_count(),
         paper.depth
     )?;
-    verdicts(out, paper)?;
+    agreements(out, paper)?;
     table1(out, paper)?;
     figure1(out, &paper.figure1)?;
     for scene in [&GEARS, &TEAPOT] {
@@ -44,14 +44,12 @@ fn write(out: &mut String, paper: &Paper) -> std::fmt::Result {
 
 /// The factor by which a figure is off, and whether that is taken for agreement.
 fn off(found: f64, published: f64) -> [String; 2] {
-    /// Agreement is within this factor.
-    const AGREES: f64 = 1.25;
-    let factor = (found / published).max(published / found);
-    [format!("{factor:.2}x"), if factor <= AGREES { "agrees" } else { "does not" }.to_owned()]
+    let factor = verdicts::factor(found, published);
+    [format!("{factor:.2}x"), if factor <= verdicts::FACTOR_MAX { "agrees" } else { "does not" }.to_owned()]
 }
 
 /// Each published number beside the settings that come nearest to Table 1.
-fn verdicts(out: &mut String, paper: &Paper) -> std::fmt::Result {
+fn agreements(out: &mut String, paper: &Paper) -> std::fmt::Result {
     let shown = best(paper);
     writeln!(out, "WHAT AGREES WITH WHAT  Within a factor of 1.25, under the settings that come nearest to Table 1\n")?;
     for (letter, found) in letters(paper).filter(|(_, found)| shown.contains(found)) {
