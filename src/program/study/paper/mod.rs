@@ -255,6 +255,7 @@ impl PaperScene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::page::Provenance;
     use crate::study::runs::fixture;
 
     const OCTREE: Octree = leaves(8, 6);
@@ -298,7 +299,7 @@ mod tests {
         for part in ["AGREES", "TABLE 1", "FIGURE 1", "OTHER", "CLAIMS", "CONTENTION"] {
             assert!(text.contains(part), "{part}");
         }
-        assert!(page(&paper).to_string().ends_with("</html>\n"));
+        assert!(page(&paper).html(&Provenance::default()).ends_with("</html>\n"));
     }
 
     #[test]
