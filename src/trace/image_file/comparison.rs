@@ -1,6 +1,6 @@
 //! Two pictures, pixel by pixel, in the codes of their PNG files.
 
-use std::io::{self, BufReader, ErrorKind};
+use std::io::{self, BufReader};
 use std::path::Path;
 
 use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
@@ -109,7 +109,7 @@ impl Comparison {
         atomic_file::write(path, |file| {
             PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive)
                 .write_image(&codes, self.width, self.height, ExtendedColorType::Rgb8)
-                .map_err(|error| io::Error::new(ErrorKind::Other, error))
+                .map_err(io::Error::other)
         })
     }
 }

@@ -109,7 +109,7 @@ pub enum Replacement {
     Clock0,
     Srrip,
     Sieve,
-    #[serde(rename = "s3-fifo")]
+    #[serde(rename = "s3-fifo", alias = "s3_fifo")]
     S3Fifo,
     Plru,
 }

@@ -183,7 +183,7 @@ mod tests {
         assert_eq!((pixels[MARGIN * 100], pixels[MARGIN * 100 + 99]), (INFERNO[0], INFERNO[8]));
         let top = MARGIN + COLOURS_HEIGHT + MARGIN;
         let ink = |row: usize| (83..88).map(|x| u8::from(pixels[(top + row) * 100 + x] == INK)).collect::<Vec<_>>();
-        assert_eq!([ink(0), ink(4)], [[0, 1, 1, 1, 0], [0, 1, 0, 0, 0]], "the first digit is a 2");
+        assert_eq!([ink(0), ink(5)], [[0, 1, 1, 1, 0], [0, 1, 0, 0, 0]], "the first digit is a 2");
         let narrow = ColourBar::new(Range { min: 10, max: 18 }, Scale::Linear, 3);
         assert_eq!((narrow.width, narrow.labels.len()), (34, 2), "wide enough for both numbers");
     }
