@@ -25,7 +25,7 @@ pub struct NodeArguments {
 
 impl NodeArguments {
     pub(super) fn play(&self) -> ExitCode {
-        // A process that `marti run` starts inherits the environment, and is told by the topology.
+        // A process that `marti run` starts inherits the environment; its threads are those of the topology.
         let threads = self.threads.filter(|_| self.join.joins()).map(|threads| threads.0);
         self.join.play("marti-node", Role::Node(NodeId(0)), |child| node::run(child, threads))
     }
