@@ -89,15 +89,18 @@ impl Node {
 
     async fn send_again_and_again(&mut self, traced: &Traced, planes: &[u8]) -> Outcome {
         let (tile, attempt) = (traced.done.tile, traced.done.attempt);
-        for _ in 0..DUPLICATES / BATCH {
+        for batch in 0..DUPLICATES / BATCH {
             for _ in 0..BATCH {
                 self.send_planes(tile, attempt, traced.permit, planes).await?;
             }
             for _ in 0..BATCH {
                 self.await_reply().await?;
             }
+            // On a slow host it is replaced before it has sent all.
+            if batch == 0 {
+                deed(format_args!("sends {tile} {DUPLICATES} times"));
+            }
         }
-        deed(format_args!("sent {tile} {DUPLICATES} times"));
         Ok(())
     }
 
