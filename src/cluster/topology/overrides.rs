@@ -213,7 +213,7 @@ mod tests {
             ("cluster.nodes=", "cluster.nodes is empty, expected an integer from 1 to 256"),
             (
                 "cluster.nodse=2",
-                "unknown key cluster.nodse, expected one of count, nodes, processor, local_memory, bus; did you mean nodes?",
+                "unknown key cluster.nodse, expected one of count, nodes, threads, processor, local_memory, bus; did you mean nodes?",
             ),
             (
                 "clutser.nodes=2",

@@ -265,7 +265,7 @@ mod tests {
             ),
             (
                 "[cluster.local_memory]\nreplacement = 'lfu'",
-                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, clock:1, random, clock:0, srrip, sieve, s3-fifo, plru",
+                "3:15: cluster.local_memory.replacement is 'lfu', expected one of lru, fifo, clock, clock:1, random, clock:0, srrip, sieve, s3-fifo, s3_fifo, plru",
             ),
             (
                 "[cluster.local_memory]\nreplacement = { lru = {} }",

@@ -115,7 +115,7 @@ async fn strangers_are_refused_and_named() {
         (
             "a wrong version",
             frame(&Hello { version: PROTOCOL_VERSION + 1, ..hello() }),
-            "it speaks protocol version 6, expected 5",
+            "it speaks protocol version 7, expected 6",
         ),
         (
             "a wrong token",
